@@ -1,0 +1,37 @@
+"""The light side: from frames in cd/m² and the state of the eyes to what a person perceives.
+
+frame.py      Frame, view geometry, display, observer
+scenes/       where frames come from
+measure.py    what a frame contains
+plan.py       which effects it calls for, at which level, and why
+effects/      what an eye does to a frame, one file an effect
+optics/       light inside the eye
+threshold.py  the smallest difference that is seen
+render.py     runs a plan
+sinks/        where perceived frames go
+"""
+
+import jax
+
+# Kernels and their energy are computed in float64; frames say float32 themselves, everywhere.
+jax.config.update("jax_enable_x64", True)
+
+from pipeline.frame import Display, Frame, FrameError, Observer, View  # noqa: E402 - after the switch above
+from pipeline.plan import GlareModel, Plan, Step  # noqa: E402
+from pipeline.render import Looking, Perceived, RenderState, as_displayed, perceive  # noqa: E402
+
+__all__ = [
+    "Display",
+    "Frame",
+    "FrameError",
+    "GlareModel",
+    "Looking",
+    "Observer",
+    "Perceived",
+    "Plan",
+    "RenderState",
+    "Step",
+    "View",
+    "as_displayed",
+    "perceive",
+]

@@ -1,0 +1,44 @@
+"""From scene luminance to the display's, and the display's encoding."""
+
+from __future__ import annotations
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float, UInt8
+
+from pipeline.frame import Display
+
+REFERENCE_PEAK_CD_M2 = 100.0
+"""The peak that the ACES fit is made for. A display of n times this shows mid-tones at the same luminance and keeps n
+times as much room above them."""
+
+
+def _aces(x: Float[Array, "..."]) -> Float[Array, "..."]:
+    """The ACES filmic curve as real-time renderers fit it (Narkowicz 2016): 0 at 0, monotonic, towards 1.033."""
+    return jnp.minimum(x * (2.51 * x + 0.03) / (x * (2.43 * x + 0.59) + 0.14), 1)
+
+
+@jax.jit
+def aces(rgb: Float[Array, "eye 3 y x"], exposure: Float[Array, "eye"], peak_cd_m2: float) -> Float[Array, "eye 3 y x"]:
+    """A frame in cd/m² as the display shows it, linear, 1 = the display's peak.
+
+    `exposure` in 1/(cd/m²) brings each eye's frame to where 1 is the reference white of 100 cd/m².
+    """
+    scale = (exposure * (REFERENCE_PEAK_CD_M2 / peak_cd_m2)).astype(jnp.float32)
+    # Beyond 1e4 the curve is flat and its square would overflow for a sun.
+    return _aces(jnp.minimum(rgb * scale[:, None, None, None], np.float32(1e4)))
+
+
+@jax.jit
+def encode(linear: Float[Array, "eye 3 y x"], black_share: float) -> UInt8[Array, "eye y x 3"]:
+    """Code values for a display with the sRGB transfer function whose black is `black_share` of its peak."""
+    shown = jnp.clip((linear - jnp.float32(black_share)) / (1 - jnp.float32(black_share)), 0, 1)
+    power = np.float32(1.055) * shown ** np.float32(1 / 2.4) - np.float32(0.055)
+    encoded = jnp.where(shown <= np.float32(0.0031308), np.float32(12.92) * shown, power)
+    return jnp.round(encoded * 255).astype(jnp.uint8).transpose(0, 2, 3, 1)
+
+
+def black_share(display: Display) -> float:
+    """The display's black as a share of its peak."""
+    return display.black_cd_m2 / display.peak_cd_m2

@@ -1,0 +1,146 @@
+"""What the pipeline works on: absolute frames, the geometry they are seen with, the display and the observer."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from typing import Annotated
+
+import jax.numpy as jnp
+import msgspec
+import numpy as np
+from jaxtyping import Array, Float
+from numpy.typing import ArrayLike
+
+LUMINANCE_WEIGHTS = (0.2126, 0.7152, 0.0722)
+"""Luminance of linear Rec.709 primaries with D65 white (ITU-R BT.709)."""
+
+Degrees = Annotated[float, msgspec.Meta(ge=1.0, le=175.0)]
+Pixels = Annotated[int, msgspec.Meta(ge=1, le=16384)]
+
+
+class FrameError(Exception):
+    """A frame, its geometry or a setting cannot be used: the message names the thing and the remedy."""
+
+
+@dataclasses.dataclass(frozen=True)
+class View:
+    """A pinhole view: how pixels lie on the visual field of one eye."""
+
+    width_px: int
+    height_px: int
+    fov_deg: float = 104.0
+    """Horizontal field of view. 104° is the head-mounted display of LUI §5.3.2."""
+
+    def __post_init__(self) -> None:
+        if self.width_px < 1 or self.height_px < 1:
+            raise FrameError(f"a frame of {self.width_px}×{self.height_px} pixels: width and height must be 1 or more")
+        if not 1.0 <= self.fov_deg <= 175.0:
+            raise FrameError(f"field of view {self.fov_deg:g}°: it must lie between 1° and 175°")
+
+    @property
+    def focal_px(self) -> float:
+        """Distance of the image plane from the eye, in pixels."""
+        return self.width_px / 2 / math.tan(math.radians(self.fov_deg) / 2)
+
+    @property
+    def ppd_centre(self) -> float:
+        """Pixels per degree in the middle of the view; the mean, width/fov, is larger."""
+        return math.radians(self.focal_px)
+
+    def pixel_of(self, azimuth_deg: float, elevation_deg: float) -> tuple[float, float]:
+        """Where a direction falls, as (x, y) px from the upper left corner; may lie outside the frame.
+
+        Directions behind the image plane are taken as far out on their own side.
+        """
+        azimuth, elevation = math.radians(azimuth_deg), math.radians(elevation_deg)
+        forward = max(math.cos(azimuth) * math.cos(elevation), 1e-3)
+        right, up = math.sin(azimuth) * math.cos(elevation), math.sin(elevation)
+        return (
+            self.width_px / 2 + self.focal_px * right / forward,
+            self.height_px / 2 - self.focal_px * up / forward,
+        )
+
+
+@dataclasses.dataclass(frozen=True)
+class Cleaned:
+    """How many components of a frame were bad on reading, and what became of them."""
+
+    negative: int = 0
+    """Set to 0."""
+    nan: int = 0
+    """Set to 0."""
+    infinite: int = 0
+    """Set to the largest finite component of the frame."""
+
+    def __bool__(self) -> bool:
+        return bool(self.negative or self.nan or self.infinite)
+
+    def __str__(self) -> str:
+        return f"{self.negative} negative, {self.nan} NaN, {self.infinite} infinite components"
+
+
+@dataclasses.dataclass(frozen=True)
+class Frame:
+    """What stands before the eyes: linear Rec.709 RGB (D65 white) in cd/m², one image an eye."""
+
+    rgb_cd_m2: Float[Array, "eye 3 y x"]
+    view: View
+    cleaned: Cleaned = Cleaned()
+
+    @classmethod
+    def from_rgb(cls, rgb: ArrayLike, fov_deg: float = 104.0, *, cd_m2_per_unit: float = 1.0) -> Frame:
+        """A frame of one or two images that may come from anywhere: bad pixels are counted and cleaned.
+
+        `rgb` has the shape (y, x, 3) as images are read, or (eye, 3, y, x) as frames are kept; `cd_m2_per_unit` scales
+        it to absolute luminance. Raises FrameError for another shape, a scale that is not positive, or no finite pixel.
+        """
+        values = np.asarray(rgb, dtype=np.float32)
+        if values.ndim == 3 and values.shape[2] == 3:
+            values = values.transpose(2, 0, 1)[None]
+        if values.ndim != 4 or values.shape[1] != 3 or values.shape[0] not in (1, 2):
+            raise FrameError(f"an image of shape {values.shape}: it must be (y, x, 3) or (eye, 3, y, x), linear RGB")
+        if not (math.isfinite(cd_m2_per_unit) and cd_m2_per_unit > 0):
+            raise FrameError(f"{cd_m2_per_unit} cd/m² per unit: the scale must be a positive number")
+        view = View(values.shape[3], values.shape[2], fov_deg)
+        values, cleaned = clean(values)
+        return cls(jnp.asarray(values * np.float32(cd_m2_per_unit)), view, cleaned)
+
+
+def clean(values: np.ndarray) -> tuple[np.ndarray, Cleaned]:
+    """An image without negative, NaN and infinite components, and how many there were. Any shape.
+
+    Raises FrameError if no component is finite.
+    """
+    nan, infinite, negative = np.isnan(values), np.isinf(values), values < 0
+    cleaned = Cleaned(int((negative & ~infinite).sum()), int(nan.sum()), int(infinite.sum()))
+    if not cleaned:
+        return values, cleaned
+    finite = values[~(nan | infinite)]
+    if finite.size == 0:
+        raise FrameError("no pixel of the image is a finite number: it holds no picture")
+    largest = max(float(finite.max()), 0.0)
+    return np.where(nan | negative, 0, np.where(infinite, largest, values)).astype(values.dtype), cleaned
+
+
+class Display(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """What shows the perceived frame."""
+
+    peak_cd_m2: Annotated[float, msgspec.Meta(ge=1.0, le=20000.0)] = 100.0
+    """Luminance of full white. 100 is the studio reference; a brighter display keeps mid-tones and has room above."""
+    black_cd_m2: Annotated[float, msgspec.Meta(ge=0.0, le=10.0)] = 0.0
+    """Luminance of full black."""
+
+
+class Observer(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """The person who looks: what makes their eye theirs."""
+
+    age_years: Annotated[float, msgspec.Meta(ge=1.0, le=120.0)] = 30.0
+    particles: Annotated[int, msgspec.Meta(ge=0, le=20000)] = 1000
+    """Scattering particles over the pupil plane (LUI §5.2.4; van den Berg 2005)."""
+    particle_mm: Annotated[float, msgspec.Meta(ge=0.005, le=0.5)] = 0.042
+    """Their diameter (LUI §5.2.4)."""
+    gratings: Annotated[int, msgspec.Meta(ge=0, le=2000)] = 200
+    """Patches of lens fibres that make the halo (RIT §3.2)."""
+    seed: Annotated[int, msgspec.Meta(ge=0)] = 0
+    """Which of all eyes with these statistics."""

@@ -1,0 +1,141 @@
+"""Which effects a frame calls for, at which level, and why: a pure function of what was measured."""
+
+from __future__ import annotations
+
+import dataclasses
+import enum
+from collections.abc import Sequence
+
+from pipeline.effects import acuity, adaptation, night_colour
+from pipeline.effects.glare import Scattering
+from pipeline.measure import Measurement
+from pipeline.threshold import threshold_cd_m2
+
+
+class Effect(enum.StrEnum):
+    """The effects, in the order in which they run."""
+
+    ADAPTATION = "adaptation"
+    GLARE = "glare"
+    ACUITY = "acuity"
+    TONE = "tone"
+    NIGHT_COLOUR = "night_colour"
+
+
+class GlareModel(enum.StrEnum):
+    """Which point-spread function glare uses where it runs."""
+
+    WAVE = "wave"
+    """Wave optics of this observer's pupil, in a window around the gaze (LUI §5.2)."""
+    ANALYTIC = "analytic"
+    """SPE's formula by age and adaptation, over the whole frame."""
+
+
+SKIPPED = "skipped"
+PHOTOPIC_CD_M2 = 3.0
+"""Above it only cones see (Ferwerda; BAR 3)."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Step:
+    """What the plan says of one effect."""
+
+    effect: Effect
+    level: str
+    """How it runs, or `skipped`."""
+    reason: str
+    """Why, with the measured figures."""
+
+    @property
+    def runs(self) -> bool:
+        """Whether the effect runs at all."""
+        return self.level != SKIPPED
+
+
+Plan = tuple[Step, ...]
+
+
+def make_plan(
+    measured: Sequence[Measurement],
+    adapted_cd_m2: Sequence[float],
+    scattering: Sequence[Scattering],
+    glare: GlareModel = GlareModel.WAVE,
+) -> Plan:
+    """The plan for a frame: an effect runs on all eyes' images if any eye calls for it.
+
+    One measurement, adapted luminance and kernel bound for each eye. A skip of glare changes no pixel by more than the
+    threshold of an eye so adapted; a skip of acuity changes none at all.
+    """
+    return (
+        Step(Effect.ADAPTATION, "temporal", f"adapted to {_list(adapted_cd_m2)} cd/m²"),
+        _plan_glare(measured, adapted_cd_m2, scattering, glare),
+        _plan_acuity(measured, scattering),
+        Step(Effect.TONE, "aces", "every display needs it"),
+        _plan_night_colour(adapted_cd_m2),
+    )
+
+
+def _plan_glare(
+    measured: Sequence[Measurement],
+    adapted_cd_m2: Sequence[float],
+    scattering: Sequence[Scattering],
+    model: GlareModel,
+) -> Step:
+    bounds = []
+    for eye, adapted, kernel in zip(measured, adapted_cd_m2, scattering, strict=True):
+        # Scattered light differs from what a pixel itself gives away by no more than either of these.
+        contrast = kernel.share * (eye.max_cd_m2 - eye.min_cd_m2)
+        excess = kernel.peak * (eye.mean_cd_m2 - eye.min_cd_m2) * eye.view.width_px * eye.view.height_px
+        bounds.append((min(contrast, excess), threshold_cd_m2(adapted)))
+    bound, threshold = max(bounds, key=lambda pair: pair[0] / pair[1])
+    if bound <= threshold:
+        return Step(
+            Effect.GLARE,
+            SKIPPED,
+            f"no light scatters more than {bound:.2g} cd/m²; this eye's threshold is {threshold:.2g} cd/m²",
+        )
+    return Step(
+        Effect.GLARE,
+        model.value,
+        f"lights of up to {max(eye.max_cd_m2 for eye in measured):.3g} cd/m² may scatter {bound:.2g} cd/m², "
+        f"over the threshold of {threshold:.2g} cd/m²",
+    )
+
+
+def _plan_acuity(measured: Sequence[Measurement], scattering: Sequence[Scattering]) -> Step:
+    # Glare may darken a pixel by what it scatters, so the limit is raised by as much.
+    limit = max(acuity.LIMIT_CD_M2 / (1 - kernel.share) for kernel in scattering)
+    darkest = min(eye.min_cd_m2 for eye in measured)
+    if darkest >= limit:
+        return Step(
+            Effect.ACUITY,
+            SKIPPED,
+            f"darkest pixel {darkest:.3g} cd/m²: above {limit:.3g} cd/m² an eye resolves every pixel",
+        )
+    return Step(
+        Effect.ACUITY,
+        "lightness",
+        f"darkest pixel {darkest:.3g} cd/m², {_percent(measured, 0.01)} of pixels below 0.01 cd/m²",
+    )
+
+
+def _plan_night_colour(adapted_cd_m2: Sequence[float]) -> Step:
+    darkest = min(adapted_cd_m2)
+    share = adaptation.rod_sensitivity(darkest)
+    if darkest >= PHOTOPIC_CD_M2:
+        change = night_colour.grey_change_code_values(share)
+        return Step(
+            Effect.NIGHT_COLOUR,
+            SKIPPED,
+            f"adapted to {darkest:.3g} cd/m², above {PHOTOPIC_CD_M2:g} cd/m² cones alone see; a grey would change by "
+            f"{change:.2g} of 255 code values",
+        )
+    return Step(Effect.NIGHT_COLOUR, "tint", f"adapted to {darkest:.3g} cd/m²: rods carry {share:.0%} of vision")
+
+
+def _list(values: Sequence[float]) -> str:
+    return " and ".join(f"{value:.3g}" for value in dict.fromkeys(values))
+
+
+def _percent(measured: Sequence[Measurement], limit: float) -> str:
+    return f"{max(eye.share_below[limit] for eye in measured):.0%}"
