@@ -55,6 +55,8 @@ class Perceived:
 
     image: UInt8[np.ndarray, "eye y x 3"]
     """Code values for the display, sRGB."""
+    linear: Float[Array, "eye 3 y x"]
+    """The same before encoding: linear Rec.709, 1 = the display's peak."""
     plan: Plan
     state: RenderState
     """Pass it on with the next frame."""
@@ -113,7 +115,7 @@ def perceive(
         rods = np.array([adaptation.rod_sensitivity(luminance_cd_m2) for luminance_cd_m2 in adapted])
         shown = clock.time(Effect.NIGHT_COLOUR, lambda: night_colour.night_tint(shown, rods))
     image = clock.time("encode", lambda: np.asarray(tone.encode(shown, tone.black_share(display))))
-    return Perceived(image, plan, RenderState(adapted), measured, pupils, clock.milliseconds)
+    return Perceived(image, shown, plan, RenderState(adapted), measured, pupils, clock.milliseconds)
 
 
 def as_displayed(frame: Frame, display: Display = Display()) -> UInt8[np.ndarray, "eye y x 3"]:

@@ -175,8 +175,9 @@ def run(
     the slowest reader takes them. `on_state` sees every state and its events, published or not.
     """
     start_ns, begun_ns = source.info.t_start_ns, time.monotonic_ns()
-    end_ns = None if seconds is None else start_ns + round(seconds * 1e9)
-    publisher.publish_event(StreamStarted(start_ns, source.info.name), stopped=stopped)
+    ends_ns = [source.info.t_end_ns, None if seconds is None else start_ns + round(seconds * 1e9)]
+    end_ns = min((end for end in ends_ns if end is not None), default=None)
+    publisher.publish_event(StreamStarted(start_ns, end_ns, source.info.name), stopped=stopped)
     count, t_ns = 0, start_ns
     for state, events in states_of(source.samples()):
         if stopped() or (end_ns is not None and state.t_ns > end_ns):

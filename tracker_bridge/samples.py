@@ -151,7 +151,10 @@ class StreamStarted(msgspec.Struct, frozen=True, tag=True):
 
     t_ns: int
     """Time of the source's first sample."""
+    t_end_ns: int | None
+    """Time of the last one, where the source knows."""
     source: str
+    """What the samples come from, for a person."""
 
 
 class StreamEnded(msgspec.Struct, frozen=True, tag=True):

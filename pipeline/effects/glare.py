@@ -65,6 +65,9 @@ class Window:
     fft_columns: int
     reach_px: float
     """How far from the gaze light still scatters."""
+    kernel_rows: int
+    kernel_columns: int
+    """The kernel's sides: no more of it than reaches from one end of the window to the other."""
 
 
 def split(kernel: Float[Array, "c j k"]) -> Kernel:
@@ -88,7 +91,11 @@ def wave_kernel(observer: Observer, step: int, pixels_per_deg: float) -> Kernel:
 
 @functools.lru_cache(maxsize=16)
 def _wave_transform(observer: Observer, step: int, pixels_per_deg: float, window: Window) -> Complex[Array, "3 u v"]:
-    return transform(wave_kernel(observer, step, pixels_per_deg).scatters, window.fft_rows, window.fft_columns)
+    scatters = wave_kernel(observer, step, pixels_per_deg).scatters
+    y = (scatters.shape[1] - window.kernel_rows) // 2
+    x = (scatters.shape[2] - window.kernel_columns) // 2
+    reaching = scatters[:, y : y + window.kernel_rows, x : x + window.kernel_columns]
+    return transform(reaching, window.fft_rows, window.fft_columns)
 
 
 def pupil_steps(pupil_mm: float) -> tuple[int, int, float]:
@@ -110,9 +117,17 @@ def window_of(view: View, radius_px: int) -> Window:
     """The window of a kernel of this radius in a view."""
     side = max(round(WINDOW_PX * view.focal_px / WINDOW_FOCAL_PX) - radius_px, 3 * radius_px)
     rows, columns = min(view.height_px, side), min(view.width_px, side)
-    # What scatters out of the window is dropped, so one radius of padding keeps it from wrapping round into it.
-    fast = functools.partial(scipy.fft.next_fast_len, real=True)
-    return Window(rows, columns, fast(rows + radius_px), fast(columns + radius_px), side / 2 - radius_px)
+    radius_y, radius_x = min(radius_px, rows - 1), min(radius_px, columns - 1)
+    return Window(
+        rows=rows,
+        columns=columns,
+        # What scatters out of the window is dropped, so one radius of padding keeps it from wrapping round into it.
+        fft_rows=scipy.fft.next_fast_len(rows + radius_y, real=True),
+        fft_columns=scipy.fft.next_fast_len(columns + radius_x, real=True),
+        reach_px=side / 2 - radius_px,
+        kernel_rows=2 * radius_y + 1,
+        kernel_columns=2 * radius_x + 1,
+    )
 
 
 def wave_glare(

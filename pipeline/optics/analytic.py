@@ -88,7 +88,9 @@ def spe_components(pixels_per_deg: float, rows_radius_px: int, columns_radius_px
     def integrate(density: Callable[[Angles], Angles]) -> NDArray[np.float32]:
         kernel = density(coarse)
         kernel[middle] = density(dense).reshape(2 * near_y + 1, POINTS, 2 * near_x + 1, POINTS).mean(axis=(1, 3))
-        return (kernel * math.radians(1 / pixels_per_deg) ** 2).astype(np.float32)
+        kernel *= math.radians(1 / pixels_per_deg) ** 2
+        # Pixels of several degrees are too coarse for the core's quadrature, and a kernel must make no light.
+        return (kernel / max(kernel.sum(), 1.0)).astype(np.float32)
 
     return [np.stack([integrate(density) for density in part]) for part in ([f0], [f1], [f2], halos)]
 

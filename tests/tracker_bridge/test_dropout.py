@@ -67,7 +67,9 @@ def test_a_held_closed_eye_is_lost_and_then_back() -> None:
 
 
 def test_a_dropout_without_a_lid_is_no_blink() -> None:
-    samples = [pupil(k * STEP_NS, 4.0 if not 100 <= k < 130 else None, 1.0 if not 100 <= k < 130 else 0.0) for k in range(300)]
+    samples = [
+        pupil(k * STEP_NS, 4.0 if not 100 <= k < 130 else None, 1.0 if not 100 <= k < 130 else 0.0) for k in range(300)
+    ]
     shown = run(samples)
     assert {state.phase for state in shown[100:130]} == {Phase.DROPOUT}
     assert not [event for state in shown for event in state.events if isinstance(event, BlinkOnset)]

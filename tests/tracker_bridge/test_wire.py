@@ -39,7 +39,7 @@ events = st.one_of(
     st.builds(BlinkOffset, times, eyes, st.integers(0, 2**62)),
     st.builds(PupilLost, times, eyes),
     st.builds(PupilBack, times, eyes),
-    st.builds(StreamStarted, times, st.text(max_size=50)),
+    st.builds(StreamStarted, times, st.none() | times, st.text(max_size=50)),
     st.builds(StreamEnded, times, st.integers(0, 2**62)),
 )
 STATE = EyeState(

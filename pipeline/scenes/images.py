@@ -1,0 +1,87 @@
+"""A picture before the eyes, or a folder of them one after the other.
+
+A picture is fixed to the view: it does not follow the head, and all eyes see the same.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+from pathlib import Path
+
+import jax.numpy as jnp
+import numpy as np
+
+from pipeline.frame import Frame, FrameError, View
+from pipeline.scenes import image_file
+from pipeline.scenes.resample import resize
+from pipeline.scenes.scene import Head, count_eyes
+from tracker_bridge.wire import Eye
+
+FPS = 24.0
+"""Pictures of a folder follow each other at the rate of cinema; after the last comes the first again."""
+ASPECT_TOLERANCE = 0.01
+
+
+@dataclasses.dataclass(frozen=True)
+class Pictures:
+    """One picture or a sequence of equal size. Implements Scene."""
+
+    headers: tuple[image_file.Header, ...]
+    cd_m2_per_unit: float
+    name: str
+    notes: tuple[str, ...]
+
+    def view_for(self, width_px: int | None, height_px: int | None, fov_deg: float) -> View:
+        """A view of the picture's own size, or of another with the same aspect."""
+        own_width, own_height = self.headers[0].width_px, self.headers[0].height_px
+        if width_px is None:
+            width_px = own_width if height_px is None else max(round(height_px * own_width / own_height), 1)
+        if height_px is None:
+            height_px = max(round(width_px * own_height / own_width), 1)
+        # A side is a whole number of pixels, so small views may miss the aspect by half a pixel.
+        slack = ASPECT_TOLERANCE + 0.5 / height_px + 0.5 / width_px
+        if abs(width_px / height_px / (own_width / own_height) - 1) > slack:
+            fitting = max(round(width_px * own_height / own_width), 1)
+            raise FrameError(
+                f"{self.name} is {own_width}×{own_height} pixels, which {width_px}×{height_px} would distort: "
+                f"give --width {width_px} --height {fitting}, or leave one of them out"
+            )
+        return View(width_px, height_px, fov_deg)
+
+    def frame(self, t_s: float, view: View, head: Head, eyes: tuple[Eye, ...]) -> Frame:
+        """The picture of time `t_s`."""
+        header = self.headers[int(max(t_s, 0.0) * FPS + 1e-6) % len(self.headers)]
+        file = _read(header.path)
+        rgb = file.rgb
+        if rgb.shape[1:] != (view.height_px, view.width_px):
+            rgb = resize(rgb, view.height_px, view.width_px)
+        image = jnp.asarray(rgb * np.float32(self.cd_m2_per_unit))
+        return Frame(jnp.stack([image] * count_eyes(eyes)), view, file.cleaned)
+
+
+@functools.lru_cache(maxsize=2)
+def _read(path: Path) -> image_file.HdrFile:
+    return image_file.read(path)
+
+
+def open_pictures(path: Path, mean_luminance_cd_m2: float | None) -> Pictures:
+    """The picture in a file, or those in a folder in the order of their names; the first one sets the scale of all.
+
+    Raises FrameError that names the file and the remedy.
+    """
+    paths = sorted(p for p in path.iterdir() if p.suffix.lower() in image_file.SUFFIXES) if path.is_dir() else [path]
+    if not paths:
+        raise FrameError(f"{path}: no {' or '.join(image_file.SUFFIXES)} file in this folder; name one that has some")
+    headers = tuple(image_file.read_header(one) for one in paths)
+    for header in headers[1:]:
+        if (header.width_px, header.height_px) != (headers[0].width_px, headers[0].height_px):
+            raise FrameError(
+                f"{header.path} is {header.width_px}×{header.height_px} pixels and {headers[0].path.name} "
+                f"{headers[0].width_px}×{headers[0].height_px}: pictures of one folder must have one size"
+            )
+    first = _read(paths[0])
+    scale, sentence = image_file.cd_m2_per_unit(first, mean_luminance_cd_m2)
+    many = f"{len(paths)} pictures at {FPS:g} per second" if len(paths) > 1 else "a picture, fixed before the eyes"
+    name = f"picture {path.name}" if len(paths) == 1 else f"pictures in {path.name}"
+    return Pictures(headers, scale, name, (f"{path.name}: {many}.", sentence, *first.notes))

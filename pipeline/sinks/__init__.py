@@ -1,0 +1,5 @@
+"""Where perceived frames go.
+
+images.py   single frames: PNG as the display takes them, EXR in absolute luminance
+video.py    a film
+"""

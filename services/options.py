@@ -1,0 +1,79 @@
+"""The options that several commands share."""
+
+from __future__ import annotations
+
+from enum import StrEnum
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+
+class Eyes(StrEnum):
+    """Which eyes are rendered."""
+
+    LEFT = "left"
+    RIGHT = "right"
+    BOTH = "both"
+
+
+class Pace(StrEnum):
+    """How fast a bridge publishes."""
+
+    RECORDED = "recorded"
+    READER = "reader"
+
+
+class Save(StrEnum):
+    """Forms in which perceived frames are kept."""
+
+    VIDEO = "video"
+    PNG = "png"
+    EXR = "exr"
+
+
+Recording = Annotated[
+    str,
+    typer.Option(
+        help="Eye data: [b]simulated[/b], a folder recorded by Pupil Capture, an export of Pupil Player, or any "
+        ".csv/.tsv table (see --map)."
+    ),
+]
+TableMap = Annotated[
+    Path | None,
+    typer.Option("--map", help="TOML column map for a table: columns, units, decimal comma, eye, validity."),
+]
+SceneSpec = Annotated[
+    str,
+    typer.Option(
+        help="What stands before the eyes: [b]night-street[/b], a panorama or picture (.hdr, .exr), or a folder "
+        "of pictures."
+    ),
+]
+MeanLuminance = Annotated[
+    float | None,
+    typer.Option(
+        metavar="CD_M2", min=1e-9, max=1e9, help="Mean luminance of a scene whose file has no absolute scale."
+    ),
+]
+Seconds = Annotated[float | None, typer.Option(min=0.001, help="How long; the whole recording unless given.")]
+Fps = Annotated[float, typer.Option(min=0.1, max=1000, help="Frames per second.")]
+Width = Annotated[int | None, typer.Option(min=1, max=16384, help="Pixels per eye; the scene's own unless given.")]
+Height = Annotated[int | None, typer.Option(min=1, max=16384, help="Pixels per eye; the scene's own unless given.")]
+Fov = Annotated[float, typer.Option(metavar="DEG", min=1, max=175, help="Horizontal field of view.")]
+Seed = Annotated[int, typer.Option(min=0, help="Which simulated person.")]
+Head = Annotated[
+    str,
+    typer.Option(
+        help="How the head moves: [b]look-around[/b], still, gaze (follows the eyes), or a CSV file with the columns "
+        "t_s,yaw_deg,pitch_deg,roll_deg."
+    ),
+]
+SettingsFile = Annotated[
+    Path | None,
+    typer.Option("--settings", help="TOML file with \\[observer], \\[display] and glare = 'wave' or 'analytic'."),
+]
+SaveOption = Annotated[
+    list[Save], typer.Option("--save", help="How perceived frames are kept; may be given more than once.")
+]
+Child = Annotated[bool, typer.Option(hidden=True)]

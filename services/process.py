@@ -1,0 +1,80 @@
+"""What all processes do alike: logs, signals, and ending with their parent."""
+
+from __future__ import annotations
+
+import os
+import signal
+import sys
+import threading
+from pathlib import Path
+from types import FrameType
+
+import structlog
+
+
+class Stop:
+    """Says whether this process was asked to stop. Call it: cheap enough for every turn of a loop."""
+
+    def __init__(self) -> None:
+        self._event = threading.Event()
+
+    def __call__(self) -> bool:
+        """Whether it was."""
+        return self._event.is_set()
+
+    def set(self) -> None:
+        """Asks this process to stop at its next look."""
+        self._event.set()
+
+    def on_signals(self) -> Stop:
+        """Ctrl-C and SIGTERM ask once, gently; a second Ctrl-C ends the process at once."""
+
+        def ask(number: int, frame: FrameType | None) -> None:
+            self.set()
+            signal.signal(number, signal.SIG_DFL)
+
+        signal.signal(signal.SIGINT, ask)
+        signal.signal(signal.SIGTERM, ask)
+        return self
+
+    def with_parent(self) -> Stop:
+        """Stops when the parent is gone: it holds the other end of this process's standard input."""
+
+        def wait() -> None:
+            sys.stdin.buffer.read()
+            self.set()
+
+        threading.Thread(target=wait, name="parent-watch", daemon=True).start()
+        return self
+
+
+def start_logging(*, as_json: bool) -> structlog.typing.FilteringBoundLogger:
+    """A logger to standard error: for a person, or a JSON object a line for the process that started this one."""
+    renderer = structlog.processors.JSONRenderer() if as_json else structlog.dev.ConsoleRenderer()
+    structlog.configure(
+        processors=[structlog.processors.add_log_level, structlog.processors.TimeStamper(fmt="iso"), renderer],
+        logger_factory=structlog.PrintLoggerFactory(sys.stderr),
+    )
+    logger: structlog.typing.FilteringBoundLogger = structlog.get_logger()
+    return logger
+
+
+def cache_folder() -> Path:
+    """Where compiled code is kept between runs: $XDG_CACHE_HOME/entoptic, or the platform's like."""
+    if sys.platform == "win32":
+        base = Path(os.environ.get("LOCALAPPDATA", Path.home() / "AppData" / "Local"))
+    elif sys.platform == "darwin":
+        base = Path.home() / "Library" / "Caches"
+    else:
+        base = Path(os.environ.get("XDG_CACHE_HOME", Path.home() / ".cache"))
+    return base / "entoptic"
+
+
+def keep_compiled_code() -> None:
+    """Lets JAX keep what it compiles on disk, so that the next process starts faster."""
+    import jax
+
+    import pipeline  # noqa: F401 - sets up JAX before anything asks it to compile
+
+    jax.config.update("jax_compilation_cache_dir", str(cache_folder() / "compiled"))
+    jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.1)

@@ -1,0 +1,56 @@
+"""One HDR image, perceived."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from rich.console import Console
+from rich.markup import escape
+from rich.table import Table
+
+from pipeline import FrameError, Looking, Perceived, RenderState, perceive
+from pipeline.scenes import Head, open_scene
+from pipeline.sinks.images import write_png
+from services.settings import Settings
+from tracker_bridge.wire import Eye
+
+
+def run(
+    image: Path,
+    output: Path,
+    settings: Settings,
+    looking: Looking,
+    adapted_cd_m2: float | None,
+    fov_deg: float,
+    mean_luminance_cd_m2: float | None,
+    size_px: tuple[int | None, int | None],
+    console: Console,
+) -> None:
+    """Perceives the image, writes the PNG and prints the plan. Raises FrameError."""
+    if output.suffix.lower() != ".png":
+        raise FrameError(f"output {output}: perceived images are written as PNG; name it {output.with_suffix('.png')}")
+    if not output.parent.is_dir():
+        raise FrameError(f"output {output}: there is no folder {output.parent}; make it first")
+    scene = open_scene(str(image), mean_luminance_cd_m2=mean_luminance_cd_m2)
+    for note in scene.notes:
+        console.print(f"• {escape(note)}")
+    frame = scene.frame(0.0, scene.view_for(*size_px, fov_deg), Head(), (Eye.LEFT,))
+    perceived = perceive(
+        frame,
+        looking,
+        observer=settings.observer,
+        display=settings.display,
+        state=None if adapted_cd_m2 is None else RenderState((adapted_cd_m2,)),
+        glare_model=settings.glare,
+    )
+    write_png(output, perceived.image[0])
+    console.print(_plan_table(perceived))
+    console.print(f"pupil {perceived.pupil_mm[0]:.2f} mm, wrote [b]{escape(str(output))}[/b]", soft_wrap=True)
+
+
+def _plan_table(perceived: Perceived) -> Table:
+    table = Table("effect", "level", "why", "ms")
+    for step in perceived.plan:
+        milliseconds = perceived.milliseconds.get(step.effect)
+        table.add_row(step.effect.value, step.level, step.reason, "" if milliseconds is None else f"{milliseconds:.0f}")
+    return table

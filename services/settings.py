@@ -1,0 +1,36 @@
+"""What a settings file may hold: the observer and the display, as TOML."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import msgspec
+
+from pipeline import Display, GlareModel, Observer
+
+
+class SettingsError(Exception):
+    """A settings file cannot be used: the message names the file, the key and the remedy."""
+
+
+class Settings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """All of it; what a file leaves out has its default."""
+
+    observer: Observer = Observer()
+    display: Display = Display()
+    glare: GlareModel = GlareModel.WAVE
+
+
+def load(path: Path | None) -> Settings:
+    """The settings in a TOML file, or the defaults. Raises SettingsError."""
+    if path is None:
+        return Settings()
+    try:
+        return msgspec.toml.decode(path.read_bytes(), type=Settings)
+    except OSError as error:
+        raise SettingsError(f"settings file {path}: {error.strerror}; give the path of a TOML file") from None
+    except (msgspec.DecodeError, UnicodeDecodeError) as error:
+        known = "; ".join(
+            f"[{table.__name__.lower()}] {', '.join(table.__struct_fields__)}" for table in (Observer, Display)
+        )
+        raise SettingsError(f"settings file {path}: {error}. It may hold glare and {known}") from None

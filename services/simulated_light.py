@@ -1,0 +1,79 @@
+"""The light that a simulated pupil answers to: a number, or a table measured from a scene."""
+
+from __future__ import annotations
+
+import csv
+import math
+from pathlib import Path
+
+from pipeline import View
+from pipeline.measure import measure
+from pipeline.scenes import Head, Scene
+from pipeline.scenes.head_path import FollowGaze, Still, open_head_path
+from tracker_bridge.samples import SourceError
+from tracker_bridge.wire import Eye
+
+COLUMNS = ("t_s", "cd_m2")
+STEP_S = 0.2
+"""Finer than a pupil's latency, coarse enough to cost nothing."""
+
+LightSteps = tuple[tuple[float, float], ...]
+"""(t_s, cd/m²): each luminance holds from its time on."""
+
+
+def of_scene(scene: Scene, view: View, head: str, seconds: float) -> LightSteps:
+    """The mean luminance before the left eye, from small frames of the scene; a head that follows is held still."""
+    shrink = max(view.width_px, view.height_px) / 100
+    small = scene.view_for(max(round(view.width_px / shrink), 1), max(round(view.height_px / shrink), 1), view.fov_deg)
+    path = open_head_path(head)
+    if isinstance(path, FollowGaze):
+        path = Still()
+    steps = []
+    for k in range(int(seconds / STEP_S) + 1):
+        t_s = k * STEP_S
+        frame = scene.frame(t_s, small, path.step(t_s, STEP_S, Head(), None), (Eye.LEFT,))
+        steps.append((t_s, max(measure(frame)[0].mean_cd_m2, 1e-6)))
+    return tuple(steps)
+
+
+def write(path: Path, steps: LightSteps) -> None:
+    """Writes a table that `read` reads."""
+    with path.open("w", newline="", encoding="utf-8") as file:
+        writer = csv.writer(file)
+        writer.writerow(COLUMNS)
+        writer.writerows((f"{t_s:.3f}", f"{cd_m2:.6g}") for t_s, cd_m2 in steps)
+
+
+def read(spec: str) -> LightSteps:
+    """A luminance in cd/m², or the table in a CSV file. Raises SourceError that names the file and the line."""
+    try:
+        return ((0.0, _positive(spec)),)
+    except ValueError:
+        pass
+    path = Path(spec)
+    try:
+        lines = path.read_text(encoding="utf-8").splitlines()
+    except (OSError, UnicodeDecodeError) as error:
+        raise SourceError(f"luminance {spec!r} is neither a number of cd/m² above 0 nor a CSV file ({error})") from None
+    rows = list(csv.reader(lines))
+    if not rows or tuple(rows[0]) != COLUMNS or len(rows) < 2:
+        raise SourceError(
+            f"luminance table {path}: it must begin with the line {','.join(COLUMNS)} and hold a row or more"
+        )
+    steps = []
+    for number, row in enumerate(rows[1:], 2):
+        try:
+            t_s, cd_m2 = row
+            steps.append((float(t_s), _positive(cd_m2)))
+        except ValueError:
+            raise SourceError(
+                f"luminance table {path}, line {number}: {','.join(row)} is no time and luminance"
+            ) from None
+    return tuple(steps)
+
+
+def _positive(text: str) -> float:
+    value = float(text)
+    if not (math.isfinite(value) and value > 0):
+        raise ValueError(text)
+    return value

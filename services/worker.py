@@ -1,0 +1,160 @@
+"""The pipeline process: renders what the bridge publishes."""
+
+from __future__ import annotations
+
+import dataclasses
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import structlog
+
+from pipeline import Frame, Looking, Perceived, RenderState, View, perceive
+from pipeline.scenes import Head, Scene
+from pipeline.scenes.head_path import HeadPath
+from services.options import Save
+from services.process import Stop
+from services.reader import StateReader
+from services.results import Rendered, Results, WorkerSummary
+from services.settings import Settings
+from tracker_bridge.wire import NS_PER_S, Direction, Eye, EyeState
+
+FRESH_NS = 100_000_000
+"""An eye's own direction of gaze older than this gives way to that of both eyes."""
+
+
+@dataclasses.dataclass(frozen=True)
+class WorkerSettings:
+    """How a stream is rendered."""
+
+    view: View
+    fps: float
+    eyes: tuple[Eye, ...]
+    """Left to right, as they stand side by side in the output."""
+    live: bool
+    seconds: float | None
+    out: Path
+    save: frozenset[Save]
+
+
+@dataclasses.dataclass(frozen=True)
+class _Moment:
+    """When a frame is rendered, and with what."""
+
+    frame: int
+    t_s: float
+    state: EyeState | None
+    dropped: int
+    """Frames left out so far."""
+
+
+def run(
+    reader: StateReader,
+    scene: Scene,
+    head_path: HeadPath,
+    settings: WorkerSettings,
+    perception: Settings,
+    stop: Stop,
+    log: structlog.typing.FilteringBoundLogger,
+) -> WorkerSummary:
+    """Renders the stream to its end, `seconds` of it, or until asked to stop; its results lie in `out`."""
+    log.info("preparing", scene=scene.name)
+    warm_up_s = _warm_up(scene, settings, perception)
+    log.info("prepared", seconds=round(warm_up_s, 2))
+    started = reader.wait_for_start(stop)
+    start_ns = 0 if started is None else started.t_ns
+    lasts_s = [settings.seconds]
+    if started is not None and started.t_end_ns is not None:
+        lasts_s.append((started.t_end_ns - start_ns) / NS_PER_S)
+    known_s = min((lasts for lasts in lasts_s if lasts is not None), default=None)
+    frames = None if known_s is None else max(round(known_s * settings.fps), 1)
+    moments = _live_moments if settings.live else _recorded_moments
+    memory: RenderState | None = None
+    head, last_t_s = Head(), 0.0
+    with Results(
+        settings.out, settings.view, settings.fps, settings.eyes, settings.save, frames, perception.display
+    ) as results:
+        for moment in moments(reader, settings.fps, start_ns, frames, stop):
+            dt_s, last_t_s = moment.t_s - last_t_s, moment.t_s
+            gaze = None if moment.state is None else moment.state.gaze
+            direction = None if gaze is None else (gaze.azimuth_deg, gaze.elevation_deg)
+            head = head_path.step(moment.t_s, dt_s, head, direction)
+            begun = time.perf_counter()
+            frame = scene.frame(moment.t_s, settings.view, head, settings.eyes)
+            frame.rgb_cd_m2.block_until_ready()
+            scene_ms = (time.perf_counter() - begun) * 1e3
+            looking = tuple(looking_of(moment.state, eye) for eye in settings.eyes)
+            perceived = _perceive(frame, looking, perception, memory, dt_s)
+            memory = perceived.state
+            results.add(Rendered(moment.frame, moment.t_s, moment.state, looking, frame, perceived, scene_ms))
+            results.dropped = moment.dropped
+            log.info("progress", frame=moment.frame + 1, frames=frames, dropped=moment.dropped)
+    return results.summary(reader.received, reader.refused, warm_up_s)
+
+
+def looking_of(state: EyeState | None, eye: Eye) -> Looking:
+    """How one eye looks, by the bridge's word: its own gaze while that is fresh, its last trusted pupil."""
+    if state is None:
+        return Looking()
+    one = state.of(eye)
+    gaze = one.gaze
+    if gaze is None or state.t_ns - gaze.t_ns > FRESH_NS:
+        gaze = state.gaze or gaze or Direction(0.0, 0.0, state.t_ns)
+    return Looking(gaze.azimuth_deg, gaze.elevation_deg, one.diameter_mm)
+
+
+def _perceive(
+    frame: Frame, looking: tuple[Looking, ...], perception: Settings, memory: RenderState | None, dt_s: float
+) -> Perceived:
+    return perceive(
+        frame,
+        looking,
+        observer=perception.observer,
+        display=perception.display,
+        state=memory,
+        dt_s=dt_s,
+        glare_model=perception.glare,
+    )
+
+
+def _warm_up(scene: Scene, settings: WorkerSettings, perception: Settings) -> float:
+    """Compiles the scene and every effect before the clock runs; returns the seconds it took.
+
+    A black frame with one lamp calls for all effects at once.
+    """
+    begun = time.perf_counter()
+    scene.frame(0.0, settings.view, Head(), settings.eyes).rgb_cd_m2.block_until_ready()
+    lamp = np.zeros((len(settings.eyes), 3, settings.view.height_px, settings.view.width_px), np.float32)
+    lamp[:, :, settings.view.height_px // 2, settings.view.width_px // 2] = 1e6
+    frame = Frame.from_rgb(lamp, settings.view.fov_deg)
+    _perceive(frame, (Looking(pupil_mm=4.0),) * len(settings.eyes), perception, None, 0.0)
+    return time.perf_counter() - begun
+
+
+def _recorded_moments(
+    reader: StateReader, fps: float, start_ns: int, frames: int | None, stop: Stop
+) -> Iterator[_Moment]:
+    """Every frame of the recording, each with the newest state at its own recorded time."""
+    state, frame = None, 0
+    while not stop() and (frames is None or frame < frames):
+        t_s = frame / fps
+        state = reader.until(start_ns + round(t_s * NS_PER_S), stop) or state
+        if stop() or (frames is None and reader.ended is not None and start_ns + t_s * NS_PER_S > reader.ended.t_ns):
+            return
+        yield _Moment(frame, t_s, state, 0)
+        frame += 1
+
+
+def _live_moments(reader: StateReader, fps: float, start_ns: int, frames: int | None, stop: Stop) -> Iterator[_Moment]:
+    """Frames by the clock, each with the newest state there is; those whose time has passed are dropped."""
+    state, frame, dropped = None, 0, 0
+    begun = time.monotonic()
+    while not stop() and (frames is None or frame < frames) and reader.ended is None:
+        wait_s = begun + frame / fps - time.monotonic()
+        if wait_s > 0:
+            time.sleep(wait_s)
+        state = reader.newest() or state
+        yield _Moment(frame, frame / fps, state, dropped)
+        due = max(int((time.monotonic() - begun) * fps), frame + 1)
+        dropped, frame = dropped + due - frame - 1, due
