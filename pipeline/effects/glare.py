@@ -178,16 +178,16 @@ def _scatter_window(
     light = jax.lax.dynamic_slice(rgb, start, (3, window.rows, window.columns))
     dy = jnp.arange(window.rows, dtype=jnp.float32) + 0.5 + (corner[0] - jnp.float32(gaze_yx[0]))
     dx = jnp.arange(window.columns, dtype=jnp.float32) + 0.5 + (corner[1] - jnp.float32(gaze_yx[1]))
-    away = jnp.hypot(dy[:, None], dx[None, :]) / np.float32(window.reach_px)
+    away = jnp.sqrt(dy[:, None] ** 2 + dx[None, :] ** 2) / np.float32(window.reach_px)
     weighed = light * _falloff(away)
     result = light - (1 - staying)[:, None, None] * weighed + convolve(weighed, kernel, window.fft_columns)
     return jax.lax.dynamic_update_slice(rgb, result, start)
 
 
 def _falloff(share_of_reach: Float[Array, "y x"]) -> Float[Array, "y x"]:
-    """1 within half the reach, 0 from the reach on, a raised cosine in between."""
-    position = jnp.clip(2 * share_of_reach - 1, 0, 1)
-    return 0.5 + 0.5 * jnp.cos(np.float32(np.pi) * position)
+    """1 within half the reach, 0 from the reach on, a smooth step in between."""
+    position = jnp.clip(2 - 2 * share_of_reach, 0, 1)
+    return position * position * (3 - 2 * position)
 
 
 def convolve(light: Float[Array, "3 y x"], kernel: Complex[Array, "3 u v"], columns: int) -> Float[Array, "3 y x"]:

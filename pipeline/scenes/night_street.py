@@ -151,16 +151,16 @@ def _surfaces(
     roof = 9.0 + 7.0 * _hash(building, (side > 0).astype(jnp.int32), 1)
     pixel = to_wall / np.float32(view.focal_px)
     wall_share = jnp.clip((roof - wall_y) / jnp.maximum(pixel, 1e-4) + 0.5, 0, 1) * (to_wall < 400)
-    on_ground = to_ground < to_wall
+    on_ground, wall_share = jax.lax.optimization_barrier((to_ground < to_wall, wall_share))
     depth = jnp.where(on_ground, to_ground, to_wall)
     # Without barriers XLA computes each of these again for every channel that uses it.
     point, depth = jax.lax.optimization_barrier((eye[:, None, None] + depth * direction, depth))
     light = jax.lax.optimization_barrier(_illuminance(point, on_ground, side, oncoming_m))
-    ground = light * _ground_albedo(point, depth, view) / np.float32(np.pi)
+    ground = light * jax.lax.optimization_barrier(_ground_albedo(point, depth, view)) / np.float32(np.pi)
     wall = light * WALL / np.float32(np.pi) + _windows(point, depth, x, side, view)
     up = y / jnp.sqrt(x * x + y * y + z * z)
     # Moonlit sky: 0.003 cd/m² overhead, ten times that in the town's haze.
-    haze = 0.003 + 0.03 * jnp.exp(-jnp.clip(up, 0, 1) / 0.13)
+    haze = jax.lax.optimization_barrier(0.003 + 0.03 * jnp.exp(-jnp.clip(up, 0, 1) / 0.13))
     sky = haze * jnp.asarray([0.72, 1.0, 1.5], jnp.float32)[:, None, None]
     return jnp.where(on_ground, ground, wall_share * wall + (1 - wall_share) * sky).astype(jnp.float32)
 
@@ -193,6 +193,11 @@ def _illuminance(
     return jnp.stack([jnp.asarray(channel, jnp.float32) for channel in channels])
 
 
+def _repeat(at: Array, period: float) -> Array:
+    """Modulo; XLA's own calls the C library for each pixel."""
+    return at - np.float32(period) * jnp.floor(at * np.float32(1 / period))
+
+
 def _stripe(at: Array, centre: float, width: float, footprint: Array) -> Array:
     """Share of a footprint that a stripe covers."""
     low = jnp.maximum(at - footprint / 2, centre - width / 2)
@@ -206,14 +211,14 @@ def _ground_albedo(point: Float[Array, "3 y x"], depth: Float[Array, "y x"], vie
     along = across * jnp.maximum(depth / EYE_HEIGHT_M, 1)
     road = _stripe(x, 0.0, 2 * ROAD_M, across)
     albedo = PAVING + (ASPHALT - PAVING) * road
-    dash = _stripe(jnp.mod(z, 8.0), 2.0, 3.0, jnp.minimum(along, 8.0))
+    dash = _stripe(_repeat(z, 8.0), 2.0, 3.0, jnp.minimum(along, 8.0))
     dash = jnp.where(along > 8.0, 3 / 8, dash)
     paint = _stripe(x, 0.0, 0.15, across) * dash
     for edge in (-ROAD_M + 0.35, ROAD_M - 0.35):
         paint += _stripe(x, edge, 0.12, across)
     kerb = _stripe(x, -ROAD_M - 0.1, 0.2, across) + _stripe(x, ROAD_M + 0.1, 0.2, across)
     # A crossing before the signals.
-    bars = jnp.where(across > 0.5, 0.5, _stripe(jnp.mod(x, 1.0), 0.5, 0.5, across))
+    bars = jnp.where(across > 0.5, 0.5, _stripe(_repeat(x, 1.0), 0.5, 0.5, across))
     paint += _stripe(z, 26.0, 3.0, along) * road * bars
     return albedo * (1 - paint - kerb) + PAINT * paint + KERB * kerb
 
@@ -230,17 +235,17 @@ def _windows(
     tall = depth / np.float32(view.focal_px) + 1e-4
     wide = tall / jnp.maximum(jnp.abs(x), 0.02)
     column, floor = jnp.floor(z / WINDOW_M).astype(jnp.int32), jnp.floor(y / FLOOR_M).astype(jnp.int32)
-    pane = _stripe(jnp.mod(z, WINDOW_M), WINDOW_M / 2, 1.3, wide) * _stripe(jnp.mod(y, FLOOR_M), 1.7, 1.6, tall)
-    bar = 1 - 0.85 * _stripe(jnp.mod(z, WINDOW_M), WINDOW_M / 2, 0.07, wide)
+    pane = _stripe(_repeat(z, WINDOW_M), WINDOW_M / 2, 1.3, wide) * _stripe(_repeat(y, FLOOR_M), 1.7, 1.6, tall)
+    bar = 1 - 0.85 * _stripe(_repeat(z, WINDOW_M), WINDOW_M / 2, 0.07, wide)
     key = column * 2 + (side > 0).astype(jnp.int32)
     lit = _hash(key, floor, 3) < LIT_SHARE
-    luminance = 4 * 12 ** _hash(key, floor, 4)
+    luminance = 4 * jnp.exp(np.float32(np.log(12)) * _hash(key, floor, 4))
     warmth = _hash(key, floor, 5)[None]
     colour = (
         warmth * jnp.asarray(WARM, jnp.float32)[:, None, None]
         + (1 - warmth) * jnp.asarray(LED, jnp.float32)[:, None, None]
     )
-    curtain = 0.6 + 0.4 * jnp.clip((jnp.mod(y, FLOOR_M) - 0.9) / 1.6, 0, 1)
+    curtain = 0.6 + 0.4 * jnp.clip((_repeat(y, FLOOR_M) - 0.9) / 1.6, 0, 1)
     glow = jax.lax.optimization_barrier(jnp.where(lit, luminance * curtain, 0.02) * pane * bar)
     near = glow[None] * colour
     share = 1.3 / WINDOW_M * 1.6 / FLOOR_M * LIT_SHARE
@@ -281,16 +286,19 @@ def _posts(image: Float[Array, "3 y x"], direction: Float[Array, "3 y x"], eye: 
     """Lamp posts as dark verticals."""
     x, y, z = direction
     level = jax.lax.rsqrt(x * x + z * z + np.float32(1e-6))
+    x, y, z = jax.lax.optimization_barrier((x * level, y * level, z * level))
     hidden = jnp.zeros_like(x)
     for lamp_x, height, lamp_z in LAMPS_M:
         to_x, to_z = lamp_x - eye[0], lamp_z - eye[2]
-        along = (x * to_x + z * to_z) * level
-        beside = jnp.abs(x * to_z - z * to_x) * level
-        meets_y = eye[1] + y * level * along
-        pixel = jnp.maximum(along, np.float32(0.5)) / np.float32(view.focal_px)
-        cover = jnp.clip((np.float32(POST_M / 2) - beside) / pixel + np.float32(0.5), 0, 1)
-        cover *= jnp.minimum(np.float32(POST_M) / pixel, 1)
-        hidden = jnp.maximum(hidden, jnp.where((along > 0.5) & (meets_y > 0) & (meets_y < height), cover, 0))
+        along = x * to_x + z * to_z
+        beside = jnp.abs(x * to_z - z * to_x)
+        meets_y = eye[1] + y * along
+        per_m = np.float32(view.focal_px) / jnp.maximum(along, np.float32(0.5))
+        # Products of clipped edges, no booleans: those XLA does not turn into vector code.
+        cover = jnp.clip((np.float32(POST_M / 2) - beside) * per_m + np.float32(0.5), 0, 1)
+        cover *= jnp.minimum(np.float32(POST_M) * per_m, 1) * jnp.clip(along - np.float32(0.5), 0, 1)
+        cover *= jnp.clip(meets_y * per_m + np.float32(0.5), 0, 1)
+        hidden = jnp.maximum(hidden, cover * jnp.clip((height - meets_y) * per_m + np.float32(0.5), 0, 1))
     hidden = jax.lax.optimization_barrier(hidden)
     return image * (1 - hidden) + np.float32(0.015) * hidden
 

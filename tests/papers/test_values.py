@@ -82,7 +82,7 @@ def test_lightness_is_cielab() -> None:
 
 
 def test_acuity_ends_at_lightness_one() -> None:
-    assert acuity.LIMIT_CD_M2 == pytest.approx(0.1107, abs=1e-4)
+    assert pytest.approx(0.1107, abs=1e-4) == acuity.LIMIT_CD_M2
 
 
 def test_aces_is_monotonic_from_black_to_white() -> None:

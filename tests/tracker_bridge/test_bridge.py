@@ -105,7 +105,7 @@ def test_a_slow_reader_by_recorded_time_gets_every_state() -> None:
         newest.append(None if state is None else state.t_ns // MS)
         if frame == 4000:
             time.sleep(0.5)  # long enough for the publisher to run into the reader's full queue
-    assert newest == [frame for frame in range(0, 25_000, 40)]
+    assert newest == list(range(0, 25_000, 40))
     assert reader.until(10**12, never) is not None
     assert reader.received == 5000
     assert reader.ended is not None

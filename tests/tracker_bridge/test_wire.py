@@ -1,3 +1,4 @@
+import contextlib
 import math
 
 import msgspec
@@ -117,10 +118,8 @@ def test_a_message_with_flipped_bytes_gives_a_named_error_or_a_record(state: Eye
     message = bytearray(wire.encode(state))
     for _ in range(data.draw(st.integers(1, 4))):
         message[data.draw(st.integers(0, len(message) - 1))] = data.draw(st.integers(0, 255))
-    try:
+    with contextlib.suppress(wire.WireError):
         wire.decode_state(bytes(message))
-    except wire.WireError:
-        pass
 
 
 def test_a_reader_counts_what_it_refuses_and_lives_on() -> None:
