@@ -45,8 +45,12 @@ class StateReader:
             raise BridgeSilentError(
                 f"cannot connect to {address}: {error.strerror}; give an address like tcp://127.0.0.1:5555"
             ) from None
-        socket.setsockopt(zmq.SUBSCRIBE, b"")
         return socket
+
+    def subscribe(self) -> None:
+        """Says that this reader is ready: a bridge that waits for one starts now."""
+        for socket in (self._states, self._events):
+            socket.setsockopt(zmq.SUBSCRIBE, b"")
 
     @property
     def refused(self) -> dict[str, int]:
@@ -54,7 +58,11 @@ class StateReader:
         return dict(self._read_state.refused + self._read_event.refused)
 
     def wait_for_start(self, stopped: Callable[[], bool], patience_s: float = 60.0) -> StreamStarted | None:
-        """The stream's first message; None if asked to stop. Raises BridgeSilentError if none comes in time."""
+        """Subscribes and returns the stream's first message; None if asked to stop.
+
+        Raises BridgeSilentError if none comes in time.
+        """
+        self.subscribe()
         deadline = time.monotonic() + patience_s
         while self.started is None and not stopped():
             if time.monotonic() > deadline:

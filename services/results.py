@@ -99,9 +99,6 @@ class Results:
         plan = self._files.enter_context((self._folder / "plan.csv").open("w", newline="", encoding="utf-8"))
         self._plan = csv.writer(plan)
         self._plan.writerow(plan_columns(self._eyes))
-        if Save.VIDEO in self._save:
-            width, height = self._view.width_px * len(self._eyes), self._view.height_px
-            self._video = self._files.enter_context(Video(self._folder / "perceived.mp4", width, height, self._fps))
         return self
 
     def __exit__(
@@ -115,7 +112,10 @@ class Results:
         self._hash.update(rendered.perceived.image.tobytes())
         self._plan.writerow(self._row(rendered))
         name = f"{rendered.frame_number:06d}"
-        if self._video is not None:
+        if Save.VIDEO in self._save:
+            if self._video is None:
+                height, width = image.shape[:2]
+                self._video = self._files.enter_context(Video(self._folder / "perceived.mp4", width, height, self._fps))
             self._video.write(image)
         if Save.PNG in self._save:
             _folder(self._folder / "frames")

@@ -90,6 +90,9 @@ def run(
             results.add(Rendered(moment.frame, moment.t_s, moment.state, looking, frame, perceived, scene_ms))
             results.dropped = moment.dropped
             log.info("progress", frame=moment.frame + 1, frames=frames, dropped=moment.dropped)
+        if frames is not None and not settings.live:
+            # States between the last frame and the end, so that the count of what was received is of all.
+            reader.until(start_ns + round(frames / settings.fps * NS_PER_S), stop)
     return results.summary(reader.received, reader.refused, warm_up_s)
 
 

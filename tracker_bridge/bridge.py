@@ -120,7 +120,7 @@ class Publisher:
         except zmq.ZMQError as error:
             self.close()
             raise PortInUseError(
-                f"cannot listen on {address}: {error.strerror}; choose another port, or tcp://127.0.0.1:* for a free one"
+                f"cannot listen on {address}: {error.strerror}; choose another port, or tcp://127.0.0.1:* for any"
             ) from None
         return socket
 

@@ -65,12 +65,12 @@ def read(path: Path) -> HdrFile:
     """The pixels of a file. Raises FrameError that names the file and the remedy."""
     image = _open(path)
     header = _header(path, image)
+    if not image.read(0, 0, True, oiio.FLOAT):
+        raise FrameError(f"{path}: its pixels cannot be read ({_reason(image)}); write the file again")
     # The data window may be smaller or larger than the picture; pixels it does not reach are black.
     image = oiio.ImageBufAlgo.reorient(oiio.ImageBufAlgo.crop(image, image.roi_full))
     names = image.spec().channelnames
-    pixels = image.get_pixels(oiio.FLOAT)
-    if pixels is None or image.has_error:
-        raise FrameError(f"{path}: its pixels cannot be read ({_reason(image)}); write the file again")
+    pixels = np.asarray(image.get_pixels(oiio.FLOAT), np.float32)
     rgb = np.stack([pixels[:, :, names.index(name)] for name in "RGB"])
     try:
         rgb, cleaned = clean(rgb)
@@ -112,12 +112,13 @@ def band_solid_angles(rows: int) -> np.ndarray:
 
 
 def _open(path: Path) -> oiio.ImageBuf:
+    """The file, its header read and its pixels not yet."""
     if path.suffix.lower() not in SUFFIXES:
         raise FrameError(f"{path}: not a format of HDR images; use {' or '.join(SUFFIXES)}")
     if not path.is_file():
         raise FrameError(f"{path}: no such file; check the path")
     image = oiio.ImageBuf(str(path))
-    if not image.read(0, 0, True, oiio.FLOAT):
+    if not image.init_spec(str(path), 0, 0):
         raise FrameError(f"{path}: cannot be read ({_reason(image)}); write the file again")
     return image
 

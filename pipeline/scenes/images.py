@@ -7,12 +7,13 @@ from __future__ import annotations
 
 import dataclasses
 import functools
+import re
 from pathlib import Path
 
 import jax.numpy as jnp
 import numpy as np
 
-from pipeline.frame import Frame, FrameError, View
+from pipeline.frame import Cleaned, Frame, FrameError, View
 from pipeline.scenes import image_file
 from pipeline.scenes.resample import resize
 from pipeline.scenes.scene import Head, count_eyes
@@ -39,6 +40,11 @@ class Pictures:
             width_px = own_width if height_px is None else max(round(height_px * own_width / own_height), 1)
         if height_px is None:
             height_px = max(round(width_px * own_height / own_width), 1)
+        self._refuse_distortion(width_px, height_px)
+        return View(width_px, height_px, fov_deg)
+
+    def _refuse_distortion(self, width_px: int, height_px: int) -> None:
+        own_width, own_height = self.headers[0].width_px, self.headers[0].height_px
         # A side is a whole number of pixels, so small views may miss the aspect by half a pixel.
         slack = ASPECT_TOLERANCE + 0.5 / height_px + 0.5 / width_px
         if abs(width_px / height_px / (own_width / own_height) - 1) > slack:
@@ -47,30 +53,36 @@ class Pictures:
                 f"{self.name} is {own_width}×{own_height} pixels, which {width_px}×{height_px} would distort: "
                 f"give --width {width_px} --height {fitting}, or leave one of them out"
             )
-        return View(width_px, height_px, fov_deg)
 
     def frame(self, t_s: float, view: View, head: Head, eyes: tuple[Eye, ...]) -> Frame:
-        """The picture of time `t_s`."""
+        """The picture of time `t_s`. Raises FrameError for a view of another aspect."""
+        self._refuse_distortion(view.width_px, view.height_px)
         header = self.headers[int(max(t_s, 0.0) * FPS + 1e-6) % len(self.headers)]
-        file = _read(header.path)
-        rgb = file.rgb
-        if rgb.shape[1:] != (view.height_px, view.width_px):
-            rgb = resize(rgb, view.height_px, view.width_px)
+        rgb, cleaned = _fitted(header.path, view.height_px, view.width_px)
         image = jnp.asarray(rgb * np.float32(self.cd_m2_per_unit))
-        return Frame(jnp.stack([image] * count_eyes(eyes)), view, file.cleaned)
+        return Frame(jnp.stack([image] * count_eyes(eyes)), view, cleaned)
 
 
 @functools.lru_cache(maxsize=2)
-def _read(path: Path) -> image_file.HdrFile:
-    return image_file.read(path)
+def _fitted(path: Path, height_px: int, width_px: int) -> tuple[np.ndarray, Cleaned]:
+    """A file's pixels (3, y, x) at a size, in its own unit; the picture on show stays in memory."""
+    file = image_file.read(path)
+    return resize(file.rgb, height_px, width_px), file.cleaned
+
+
+def _in_order(path: Path) -> list[str | int]:
+    """Sorts 2 before 10."""
+    return [int(part) if part.isdecimal() else part for part in re.split(r"(\d+)", path.name)]
 
 
 def open_pictures(path: Path, mean_luminance_cd_m2: float | None) -> Pictures:
-    """The picture in a file, or those in a folder in the order of their names; the first one sets the scale of all.
+    """The picture in a file, or those in a folder by name and number; the first one sets the scale of all.
 
     Raises FrameError that names the file and the remedy.
     """
-    paths = sorted(p for p in path.iterdir() if p.suffix.lower() in image_file.SUFFIXES) if path.is_dir() else [path]
+    paths = [path]
+    if path.is_dir():
+        paths = sorted((p for p in path.iterdir() if p.suffix.lower() in image_file.SUFFIXES), key=_in_order)
     if not paths:
         raise FrameError(f"{path}: no {' or '.join(image_file.SUFFIXES)} file in this folder; name one that has some")
     headers = tuple(image_file.read_header(one) for one in paths)
@@ -80,7 +92,7 @@ def open_pictures(path: Path, mean_luminance_cd_m2: float | None) -> Pictures:
                 f"{header.path} is {header.width_px}×{header.height_px} pixels and {headers[0].path.name} "
                 f"{headers[0].width_px}×{headers[0].height_px}: pictures of one folder must have one size"
             )
-    first = _read(paths[0])
+    first = image_file.read(paths[0])
     scale, sentence = image_file.cd_m2_per_unit(first, mean_luminance_cd_m2)
     many = f"{len(paths)} pictures at {FPS:g} per second" if len(paths) > 1 else "a picture, fixed before the eyes"
     name = f"picture {path.name}" if len(paths) == 1 else f"pictures in {path.name}"

@@ -142,7 +142,7 @@ def _surfaces(
 ) -> Float[Array, "3 y x"]:
     """Sky, ground and facades, without lights of their own size."""
     x, y, z = direction
-    far = np.float32(1e4)
+    far = np.float32(1e7)  # beyond any wall, or the sky straight ahead would be taken for ground
     to_ground = jnp.where(y < -1e-5, -eye[1] / jnp.minimum(y, -1e-5), far)
     side = jnp.sign(x)
     to_wall = (PAVEMENT_M - side * eye[0]) / jnp.maximum(jnp.abs(x), 1e-5)
@@ -183,7 +183,7 @@ def _illuminance(
     inverse = jax.lax.rsqrt(dx * dx + dy * dy + dz * dz + np.float32(0.1))
     ahead = jnp.maximum(dz, np.float32(0.1))
     away = (dx * dx + (dy - np.float32(0.03) * dz) ** 2) / (ahead * ahead)
-    beam = np.float32(BEAM_CD) * jnp.exp(-away / np.float32(0.22**2)) * (dz > 0)
+    beam = np.float32(BEAM_CD) * jnp.exp(-away / np.float32(0.22**2)) * (dz > 0) * _arrived(oncoming_m)
     facing = jnp.maximum(jnp.where(on_ground, dy, -side * dx), 0)
     lit = [*by_colour, beam * facing * inverse * inverse * inverse]
     channels = [
@@ -319,11 +319,18 @@ def _cars(
     return image
 
 
+def _arrived(oncoming_m: Array) -> Array:
+    """0 where a car appears, 1 from a second on: otherwise its lights would jump when the next one comes."""
+    return jnp.clip((START_M - oncoming_m) / SPEED_M_S, 0, 1)
+
+
 def _lights(oncoming_m: Array, ahead_m: Array, full_beam: Array) -> _Lights:
     places: list[Array] = [jnp.asarray(place) for place in LAMPS_M]
     radii = [LAMP_M] * len(places)
     colours = [jnp.asarray(rgb * LAMP_CD_M2) for rgb in LAMP_RGB]
-    beam = jnp.where(full_beam, FULL_CD_M2, DIPPED_CD_M2) * (oncoming_m > 0.5)
+    # A headlight shines forwards, so it goes out as it passes; it comes out of the haze in its first second.
+    forwards = jnp.maximum(oncoming_m, 0) ** 2 / (oncoming_m**2 + np.float32(2.6**2))
+    beam = jnp.where(full_beam, FULL_CD_M2, DIPPED_CD_M2) * forwards * _arrived(oncoming_m)
     for x_m, z_m, radius, colour in (
         (-2.65, oncoming_m, HEADLIGHT_M, jnp.asarray(XENON) * beam),
         (-1.35, oncoming_m, HEADLIGHT_M, jnp.asarray(XENON) * beam),
@@ -341,8 +348,11 @@ def _lights(oncoming_m: Array, ahead_m: Array, full_beam: Array) -> _Lights:
 
 
 def _discs(image: Float[Array, "3 y x"], lights: _Lights, axes: Array, eye: Array, view: View) -> Float[Array, "3 y x"]:
-    x_px, y_px, depth = _project(lights.at_m - eye, axes, view)
-    radius_px = lights.radius_m * np.float32(view.focal_px) / jnp.maximum(depth, 0.2)
+    away = lights.at_m - eye
+    x_px, y_px, depth = _project(away, axes, view)
+    # Off the middle a pixel covers less of the field, so a light that faces the eye covers more pixels.
+    stretch = jnp.sqrt(jnp.linalg.norm(away, axis=1) / jnp.maximum(depth, 0.2))
+    radius_px = lights.radius_m * np.float32(view.focal_px) / jnp.maximum(depth, 0.2) * stretch
     colour = lights.rgb_cd_m2 * (depth > 0.5)[:, None]
     half = int(0.05 * view.focal_px) + 4
     return _splat(image, x_px, y_px, jnp.minimum(radius_px, half - 3), colour, half)
@@ -357,8 +367,9 @@ def _sky_lights(image: Float[Array, "3 y x"], axes: Array, eye: Array, view: Vie
     wall_y, wall_z = eye[1] + to_wall * places[:, 1], eye[2] + to_wall * places[:, 2]
     roof = 9.0 + 7.0 * _hash(jnp.floor(wall_z / BUILDING_M).astype(jnp.int32), (side > 0).astype(jnp.int32), 1)
     seen = (depth > 0.2) & ((wall_y > roof) | (to_wall >= 400))
-    # A star's light in one pixel: its illuminance over the pixel's solid angle.
-    star = jnp.asarray(STARS_LUX) * np.float32(view.focal_px**2)
+    # A pixel's solid angle falls with the cube of the cosine of its angle from the middle.
+    pixels_per_sr = np.float32(view.focal_px**2) / jnp.maximum(depth, 0.2) ** 3
+    star = jnp.asarray(STARS_LUX) * pixels_per_sr[:-1]
     small = np.float32(0.2)
     image = _splat(
         image,
@@ -368,9 +379,10 @@ def _sky_lights(image: Float[Array, "3 y x"], axes: Array, eye: Array, view: Vie
         (star / (np.float32(np.pi) * small**2) * seen[:-1])[:, None] * jnp.ones(3, jnp.float32),
         4,
     )
-    moon_px = np.radians(MOON_DEG) * view.focal_px
+    moon_px = np.float32(np.radians(MOON_DEG)) * jnp.sqrt(pixels_per_sr[-1:])
+    half = int(np.radians(MOON_DEG) * view.focal_px * 5) + 4
     moon = jnp.asarray([1.05, 1.0, 0.88], jnp.float32) * MOON_CD_M2
-    return _splat(image, x_px[-1:], y_px[-1:], jnp.full(1, moon_px), moon[None] * seen[-1], int(moon_px) + 4)
+    return _splat(image, x_px[-1:], y_px[-1:], jnp.minimum(moon_px, half - 3), moon[None] * seen[-1], half)
 
 
 def _splat(

@@ -36,7 +36,8 @@ class Texels(NamedTuple):
     """A panorama ready to be sampled: rows of their own lengths, from the zenith down."""
 
     rgb_cd_m2: Float[Array, "3 row column"]
-    """A row's texels come first; the rest of it is 0 and never read."""
+    """In each row its last texel, its texels, and its first two again, so that sampling need not wrap: the remainder of
+    a division costs more than all the rest. What follows them is never read."""
     columns: Int[Array, " row"]
     """How many texels each row has, all of equal width, from azimuth −180° to +180°."""
 
@@ -88,9 +89,9 @@ def prepare(rgb: np.ndarray, rows: int) -> Texels:
     cosines = np.sin((np.arange(rows) + 0.5) * np.pi / rows)
     shares = np.where(cosines > WIDEST_ROW_COSINE, 1.0, cosines)
     columns = np.maximum(3, np.round(2 * rows * shares)).astype(np.int32)
-    texels = np.zeros((3, rows, int(columns.max())), np.float32)
+    texels = np.zeros((3, rows, int(columns.max()) + 3), np.float32)
     for row, count in enumerate(columns):
-        texels[:, row, :count] = area_mean(fewer[:, row], int(count))
+        texels[:, row, : count + 3] = np.pad(area_mean(fewer[:, row], int(count)), ((0, 0), (1, 2)), mode="wrap")
     return Texels(jnp.asarray(texels), jnp.asarray(columns))
 
 
@@ -105,12 +106,10 @@ def _look(texels: Texels, view: View, axes: Float[Array, "3 3"]) -> Float[Array,
     for down, row_weight in zip((-1, 0, 1), _spline(height - middle), strict=True):
         # Beyond a pole the last row is read again: it is three texels around the pole.
         row = jnp.clip(middle.astype(jnp.int32) + down, 0, rows - 1)
-        count = texels.columns[row]
-        place = turn * count.astype(jnp.float32) - np.float32(0.5)
+        place = turn * texels.columns[row].astype(jnp.float32) - np.float32(0.5)
         column = jnp.round(place)
         for across, weight in zip((-1, 0, 1), _spline(place - column), strict=True):
-            wrapped = (column.astype(jnp.int32) + (across + count)) % count
-            image += (row_weight * weight) * texels.rgb_cd_m2[:, row, wrapped]
+            image += (row_weight * weight) * texels.rgb_cd_m2[:, row, column.astype(jnp.int32) + (1 + across)]
     return image
 
 

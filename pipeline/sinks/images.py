@@ -9,6 +9,7 @@ import OpenImageIO as oiio
 from jaxtyping import Float, UInt8
 
 from pipeline.frame import FrameError
+from pipeline.sinks.whole_file import WholeFile
 
 
 def write_png(path: Path, image: UInt8[np.ndarray, "y x 3"]) -> None:
@@ -22,20 +23,25 @@ def write_png(path: Path, image: UInt8[np.ndarray, "y x 3"]) -> None:
 def write_exr(path: Path, image: Float[np.ndarray, "y x 3"]) -> None:
     """Writes linear Rec.709 RGB in cd/m², float32; `whiteLuminance` says that 1 is 1 cd/m².
 
-    Raises FrameError if the file cannot be written.
+    No chromaticities are stored: OpenEXR's default is Rec.709. Raises FrameError if the file cannot be written.
     """
     spec = oiio.ImageSpec(image.shape[1], image.shape[0], 3, oiio.FLOAT)
     spec.attribute("compression", "zip")
     spec.attribute("whiteLuminance", 1.0)
+    spec.attribute("DateTime", "1970:01:01 00:00:00")  # or the hour of writing is put in: same frame, same bytes
     _write(path, spec, image.astype(np.float32))
 
 
 def _write(path: Path, spec: oiio.ImageSpec, image: np.ndarray) -> None:
-    output = oiio.ImageOutput.create(str(path))
+    file = WholeFile(path)
+    output = oiio.ImageOutput.create(str(file.partial))
     if output is None:
         raise FrameError(f"{path}: {oiio.geterror()}")
-    try:
-        if not (output.open(str(path), spec) and output.write_image(np.ascontiguousarray(image))):
-            raise FrameError(f"{path} cannot be written: {output.geterror()}")
-    finally:
-        output.close()
+    written = output.open(str(file.partial), spec) and output.write_image(np.ascontiguousarray(image))
+    # On a full disk a PNG reports success all the way and only leaves a message; and some bytes go out on closing.
+    error = output.geterror()
+    written = output.close() and written
+    error = error or output.geterror()
+    if error or not written:
+        raise file.failed(error)
+    file.keep()

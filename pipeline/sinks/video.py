@@ -11,6 +11,9 @@ import numpy as np
 from av.video.reformatter import ColorRange, Colorspace
 from jaxtyping import UInt8
 
+from pipeline.frame import FrameError
+from pipeline.sinks.whole_file import WholeFile
+
 CRF = "16"
 """x264's constant rate factor: visually without loss, a tenth of the size."""
 
@@ -18,15 +21,22 @@ CRF = "16"
 class Video:
     """A context that writes one film; it takes its name when it is whole, and vanishes on an error.
 
+    Raises FrameError if the film cannot be written, for a frame of another size, and for a film without a frame.
+
     Frames are code values for an sRGB display, of the size given; H.264's 4:2:0 wants even sides, so an odd side
     repeats its last row or column. The same frames give the same bytes.
     """
 
     def __init__(self, path: Path, width_px: int, height_px: int, fps: float) -> None:
         self._path = path
-        self._partial = path.with_name(f"{path.stem}.partial{path.suffix}")
+        self._file = WholeFile(path)
+        self._shape = (height_px, width_px, 3)
+        self._count = 0
         self._pad = ((0, height_px % 2), (0, width_px % 2), (0, 0))
-        self._container = av.open(str(self._partial), "w", options={"movflags": "+faststart"})
+        try:
+            self._container = av.open(str(self._file.partial), "w", options={"movflags": "+faststart"})
+        except (OSError, ValueError) as error:
+            raise self._file.failed(str(error)) from None
         # A fixed number of threads: x264's output depends on it.
         options = {"crf": CRF, "preset": "veryfast", "threads": "2"}
         rate = Fraction(fps).limit_denominator(1000)
@@ -43,6 +53,8 @@ class Video:
 
     def write(self, image: UInt8[np.ndarray, "y x 3"]) -> None:
         """Adds one frame."""
+        if image.shape != self._shape:
+            raise FrameError(f"{self._path}: a frame of shape {image.shape} in a film of {self._shape}")
         padded = np.pad(image, self._pad, mode="edge") if any(after for _, after in self._pad) else image
         frame = av.VideoFrame.from_ndarray(np.ascontiguousarray(padded), format="rgb24")
         frame = frame.reformat(
@@ -51,19 +63,35 @@ class Video:
             dst_colorspace=Colorspace.ITU709,
             dst_color_range=ColorRange.MPEG,
         )
-        for packet in self._stream.encode(frame):
-            self._container.mux(packet)
+        self._encode(frame)
+        self._count += 1
+
+    def _encode(self, frame: av.VideoFrame | None) -> None:
+        try:
+            for packet in self._stream.encode(frame):
+                self._container.mux(packet)
+        except OSError as error:
+            raise self._file.failed(str(error)) from None
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         try:
-            if kind is None:
-                for packet in self._stream.encode():
-                    self._container.mux(packet)
+            if kind is None and self._count:
+                self._encode(None)
         finally:
-            self._container.close()
+            self._close(kind is not None)
+        if kind is None and not self._count:
+            raise FrameError(f"{self._path}: no frame was written, so there is no film")
         if kind is None:
-            self._partial.replace(self._path)
+            self._file.keep()
         else:
-            self._partial.unlink(missing_ok=True)
+            self._file.drop()
+
+    def _close(self, failed: bool) -> None:
+        """The index is written on closing, which a full disk may refuse too; an error on its way is not replaced."""
+        try:
+            self._container.close()
+        except OSError as error:
+            if not failed:
+                raise self._file.failed(str(error)) from None

@@ -141,6 +141,7 @@ def test_garbage_on_the_socket_is_counted_and_lived_through() -> None:
     reader = StateReader(
         *(socket.getsockopt_string(zmq.LAST_ENDPOINT) for socket in (states, events)), newest_only=False
     )
+    reader.subscribe()
     for socket in (states, events):
         assert socket.poll(5000)
         socket.recv()

@@ -1,0 +1,146 @@
+"""Real processes over real sockets."""
+
+import csv
+import hashlib
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import av
+import pytest
+
+SMALL = ("--width", "90", "--height", "100", "--fps", "20")
+
+
+def session(*arguments: str, cwd: Path) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        [sys.executable, "-m", "services.cli", "session", *SMALL, *arguments],
+        cwd=cwd,
+        capture_output=True,
+        text=True,
+        encoding="utf-8",
+        timeout=200,
+        check=False,
+    )
+
+
+def rows(path: Path) -> list[dict[str, str]]:
+    with path.open(newline="", encoding="utf-8") as file:
+        return list(csv.DictReader(file))
+
+
+def children_of(folder: Path) -> list[str]:
+    """Command lines of processes that still work on a session in this folder."""
+    listed = subprocess.run(["ps", "-ewwo", "args"], capture_output=True, text=True, check=True).stdout
+    return [line for line in listed.splitlines() if str(folder) in line and "services.cli" in line]
+
+
+def test_a_session_end_to_end_and_the_same_again(tmp_path: Path) -> None:
+    summaries = []
+    for name in ("one", "two"):
+        done = session(
+            "--seconds", "1.5", "--seed", "4", "--out", name, "--save", "video", "--save", "png", cwd=tmp_path
+        )
+        assert done.returncode == 0, done.stderr
+        summaries.append(json.loads((tmp_path / name / "summary.json").read_text()))
+    one = tmp_path / "one"
+    assert {path.name for path in one.iterdir()} == {
+        "events.csv", "frames", "key_frames", "perceived.mp4", "plan.csv", "report.html", "scene_luminance.csv",
+        "states.csv", "summary.json",
+    }  # fmt: skip
+    worker = summaries[0]["worker"]
+    assert worker["frames"] == 30
+    assert worker["messages_refused"] == {}
+    assert len(rows(one / "states.csv")) == summaries[0]["bridge"]["states"] == worker["states_received"]
+    plan = rows(one / "plan.csv")
+    assert [int(row["frame"]) for row in plan] == list(range(30))
+    assert all(row["glare_reason"] and float(row["total_ms"]) > 0 for row in plan)
+    with av.open(str(one / "perceived.mp4")) as film:
+        assert sum(1 for _ in film.decode(video=0)) == 30
+    assert len(list((one / "frames").glob("*.png"))) == 30
+    report = (one / "report.html").read_text()
+    for part in ("<svg", "As displayed, and as perceived", "What each frame called for", "Pupils"):
+        assert part in report
+    # Deterministic: the same frames to the bit, in memory and on disk.
+    assert summaries[1]["worker"]["perceived_sha256"] == worker["perceived_sha256"]
+    for form in ("perceived.mp4", "frames/000011.png", "states.csv"):
+        first, second = (hashlib.sha256((tmp_path / name / form).read_bytes()).digest() for name in ("one", "two"))
+        assert first == second
+    assert children_of(tmp_path) == []
+
+
+def test_a_live_session_keeps_the_clock_and_says_what_it_dropped(tmp_path: Path) -> None:
+    done = session("--seconds", "2", "--live", "--eyes", "left", "--out", "live", cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    worker = json.loads((tmp_path / "live" / "summary.json").read_text())["worker"]
+    # Whether this machine keeps up is not the test: rendered and dropped frames together are those of two seconds.
+    assert worker["frames"] >= 1
+    assert worker["frames"] + worker["dropped_frames"] <= 41
+    plan = rows(tmp_path / "live" / "plan.csv")
+    numbers = [int(row["frame"]) for row in plan]
+    assert numbers == sorted(set(numbers))
+
+
+def started(tmp_path: Path, *arguments: str) -> subprocess.Popen[str]:
+    return subprocess.Popen(
+        [sys.executable, "-m", "services.cli", "session", *SMALL, "--out", str(tmp_path / "out"), *arguments],
+        cwd=tmp_path,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+
+
+def wait_for(condition: object, process: subprocess.Popen[str]) -> None:
+    assert callable(condition)
+    for _ in range(600):
+        if condition():
+            return
+        assert process.poll() is None
+        time.sleep(0.1)
+    pytest.fail("it did not come to that in a minute")
+
+
+def test_ctrl_c_ends_both_processes_and_keeps_whole_files(tmp_path: Path) -> None:
+    process = started(tmp_path, "--seconds", "600")
+    plan = tmp_path / "out.partial" / "plan.csv"
+    wait_for(lambda: plan.exists() and len(children_of(tmp_path)) >= 3, process)
+    time.sleep(3)
+    process.send_signal(signal.SIGINT)
+    _, said = process.communicate(timeout=60)
+    assert process.returncode == 130, said
+    assert json.loads((tmp_path / "out" / "summary.json").read_text())["interrupted"] is True
+    assert not (tmp_path / "out.partial").exists()
+    assert children_of(tmp_path) == []
+    if rows(tmp_path / "out" / "plan.csv"):
+        with av.open(str(tmp_path / "out" / "perceived.mp4")) as film:
+            assert sum(1 for _ in film.decode(video=0)) == len(rows(tmp_path / "out" / "plan.csv"))
+
+
+def test_a_killed_worker_is_named_and_leaves_nothing(tmp_path: Path) -> None:
+    process = started(tmp_path, "--seconds", "600")
+    wait_for(lambda: any(" worker " in line for line in children_of(tmp_path)), process)
+    listed = subprocess.run(["ps", "-ewwo", "pid,args"], capture_output=True, text=True, check=True).stdout
+    for line in listed.splitlines():
+        if str(tmp_path) in line and " worker " in line:
+            os.kill(int(line.split()[0]), signal.SIGKILL)
+    _, said = process.communicate(timeout=60)
+    assert process.returncode == 1
+    assert "error: the worker failed" in said
+    assert list(tmp_path.iterdir()) == []
+    assert children_of(tmp_path) == []
+
+
+def test_children_end_with_a_killed_session(tmp_path: Path) -> None:
+    process = started(tmp_path, "--seconds", "600")
+    wait_for(lambda: any(" worker " in line for line in children_of(tmp_path)), process)
+    process.kill()
+    process.wait()
+    for _ in range(300):
+        if not children_of(tmp_path):
+            return
+        time.sleep(0.1)
+    pytest.fail(f"left behind: {children_of(tmp_path)}")
