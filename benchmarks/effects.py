@@ -1,0 +1,57 @@
+"""Each effect on one eye's 1440×1600 frame, beside SciPy's convolution of the same frame."""
+
+from __future__ import annotations
+
+import jax
+import numpy as np
+import scipy.fft
+
+from benchmarks.table import interleaved, show
+from pipeline import Looking, Observer, RenderState, View, perceive
+from pipeline.effects import acuity, glare, night_colour, tone
+from pipeline.measure import measure
+from pipeline.scenes import Head, open_scene
+from services.process import prepare_jax
+from tracker_bridge.wire import Eye
+
+
+def main(rounds: int = 15) -> None:
+    """Prints the table."""
+    prepare_jax()
+    view, observer, eyes = View(1440, 1600, 104.0), Observer(), (Eye.LEFT,)
+    scene = open_scene("night-street")
+    frame = scene.frame(3.0, view, Head(), eyes)
+    rgb = frame.rgb_cd_m2
+    centre = (720.0, 800.0)
+    shown = tone.aces(rgb, np.array([0.3]), 100.0)
+    state = RenderState((0.05,))
+    host = np.asarray(rgb[0])
+    kernel = np.asarray(glare.wave_kernel(observer, 20, view.ppd_centre).scatters)
+    sizes = [scipy.fft.next_fast_len(n + kernel.shape[1] - 1, real=True) for n in host.shape[1:]]
+    transformed = scipy.fft.rfft2(kernel, s=sizes, workers=2)
+
+    def convolve_with_scipy() -> np.ndarray:
+        light = scipy.fft.rfft2(host, s=sizes, workers=2)
+        return scipy.fft.irfft2(light * transformed, s=sizes, workers=2)[:, : host.shape[1], : host.shape[2]]
+
+    wait = jax.block_until_ready
+    scipy_name = "SciPy: 3-channel FFT convolution, whole frame"
+    parts = {
+        scipy_name: convolve_with_scipy,
+        "night street, one eye": lambda: wait(scene.frame(3.0, view, Head(), eyes).rgb_cd_m2),
+        "measure": lambda: measure(frame),
+        "glare, wave": lambda: wait(glare.wave_glare(rgb[0], view, observer, 5.1, centre)),
+        "glare, analytic": lambda: wait(glare.analytic_glare(rgb[0], view, 1.0, 30.0)),
+        "acuity": lambda: wait(acuity.dark_acuity(rgb)),
+        "tone": lambda: wait(tone.aces(rgb, np.array([0.3]), 100.0)),
+        "night colour": lambda: wait(night_colour.night_tint(shown, np.array([0.5]))),
+        "encode": lambda: np.asarray(tone.encode(shown, 0.0)),
+        "whole frame, every effect called for": lambda: perceive(
+            frame, Looking(pupil_mm=5.1), observer=observer, state=state
+        ),
+    }
+    show("One eye, 1440×1600, float32", interleaved(parts, rounds), scipy_name)
+
+
+if __name__ == "__main__":
+    main()

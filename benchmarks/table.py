@@ -1,0 +1,29 @@
+"""Interleaved timing and a table of it."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+
+import numpy as np
+
+
+def interleaved(parts: dict[str, Callable[[], object]], rounds: int) -> dict[str, np.ndarray]:
+    """Milliseconds of each part in each round; the parts take turns, after one round that does not count."""
+    milliseconds: dict[str, list[float]] = {name: [] for name in parts}
+    for turn in range(rounds + 1):
+        for name, run in parts.items():
+            begun = time.perf_counter()
+            run()
+            if turn:
+                milliseconds[name].append((time.perf_counter() - begun) * 1e3)
+    return {name: np.array(times) for name, times in milliseconds.items()}
+
+
+def show(title: str, milliseconds: dict[str, np.ndarray], compared_to: str) -> None:
+    """Prints medians, the middle half of the runs, and each part's ratio to one of them, as Markdown."""
+    base = float(np.median(milliseconds[compared_to]))
+    print(f"\n### {title}\n\n| | median ms | middle half | of “{compared_to}” |\n|---|---:|---:|---:|")
+    for name, times in milliseconds.items():
+        low, middle, high = np.percentile(times, [25, 50, 75])
+        print(f"| {name} | {middle:.1f} | {low:.1f}–{high:.1f} | {middle / base:.2f} |")
