@@ -105,7 +105,7 @@ def wait_for(condition: object, process: subprocess.Popen[str]) -> None:
 
 
 def test_ctrl_c_ends_both_processes_and_keeps_whole_files(tmp_path: Path) -> None:
-    process = started(tmp_path, "--seconds", "600")
+    process = started(tmp_path, "--seconds", "40")
     plan = tmp_path / "out.partial" / "plan.csv"
     wait_for(lambda: plan.exists() and len(children_of(tmp_path)) >= 3, process)
     time.sleep(3)
@@ -121,7 +121,7 @@ def test_ctrl_c_ends_both_processes_and_keeps_whole_files(tmp_path: Path) -> Non
 
 
 def test_a_killed_worker_is_named_and_leaves_nothing(tmp_path: Path) -> None:
-    process = started(tmp_path, "--seconds", "600")
+    process = started(tmp_path, "--seconds", "40")
     wait_for(lambda: any(" worker " in line for line in children_of(tmp_path)), process)
     listed = subprocess.run(["ps", "-ewwo", "pid,args"], capture_output=True, text=True, check=True).stdout
     for line in listed.splitlines():
@@ -135,7 +135,7 @@ def test_a_killed_worker_is_named_and_leaves_nothing(tmp_path: Path) -> None:
 
 
 def test_children_end_with_a_killed_session(tmp_path: Path) -> None:
-    process = started(tmp_path, "--seconds", "600")
+    process = started(tmp_path, "--seconds", "40")
     wait_for(lambda: any(" worker " in line for line in children_of(tmp_path)), process)
     process.kill()
     process.wait()
