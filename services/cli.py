@@ -54,7 +54,7 @@ app = typer.Typer(
 )
 console = Console(stderr=True, highlight=False)
 
-SIMULATED_SECONDS = 6.0
+SIMULATED_SECONDS = 4.8
 """How long a simulated recording is unless told otherwise."""
 
 
@@ -71,7 +71,7 @@ def session(
     width: Width = None,
     height: Height = None,
     fov: Fov = 104.0,
-    eyes: Annotated[Eyes, typer.Option(help="Which eyes are rendered.")] = Eyes.BOTH,
+    eyes: Annotated[Eyes, typer.Option(help="Which eyes are rendered; both stand side by side.")] = Eyes.LEFT,
     seed: Seed = 0,
     out: Annotated[Path | None, typer.Option(help="Folder for the results; sessions/<time> unless given.")] = None,
     live: Annotated[
@@ -214,7 +214,7 @@ def worker(
     width: Width = None,
     height: Height = None,
     fov: Fov = 104.0,
-    eyes: Annotated[Eyes, typer.Option(help="Which eyes are rendered.")] = Eyes.BOTH,
+    eyes: Annotated[Eyes, typer.Option(help="Which eyes are rendered; both stand side by side.")] = Eyes.LEFT,
     live: Annotated[
         bool, typer.Option("--live/--offline", help="By the clock, dropping frames; or every frame by recorded time.")
     ] = False,

@@ -6,6 +6,7 @@ image_file.py    one HDR file: pixels, repairs, absolute scale
 panorama.py      an equirectangular panorama around the head
 images.py        a picture before the eyes, or a folder of them in turn
 night_street.py  the embedded scene: a street at night in real luminances
+discs.py         lights that may be smaller than a pixel
 resample.py      other sizes with the same light
 """
 

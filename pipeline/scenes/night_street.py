@@ -17,6 +17,7 @@ import numpy as np
 from jaxtyping import Array, Float, UInt32
 
 from pipeline.frame import Frame, View
+from pipeline.scenes.discs import add_discs
 from pipeline.scenes.scene import Head, count_eyes, headset_view, rays, rotation
 from tracker_bridge.wire import Eye
 
@@ -51,8 +52,6 @@ PERIOD_S, SPEED_M_S, START_M = 8.0, 13.0, 100.0
 """A car comes every eight seconds, from a hundred metres away."""
 AHEAD_M, AHEAD_SPEED_M_S = 14.0, 2.2
 """Another draws away in one's own lane, and is there again after two periods."""
-EDGE_PX = 0.6
-"""Standard deviation of a drawn disc's edge: sampled once a pixel it ripples by 0.2 %."""
 
 
 class _Lights(NamedTuple):
@@ -355,7 +354,7 @@ def _discs(image: Float[Array, "3 y x"], lights: _Lights, axes: Array, eye: Arra
     radius_px = lights.radius_m * np.float32(view.focal_px) / jnp.maximum(depth, 0.2) * stretch
     colour = lights.rgb_cd_m2 * (depth > 0.5)[:, None]
     half = int(0.05 * view.focal_px) + 4
-    return _splat(image, x_px, y_px, jnp.minimum(radius_px, half - 3), colour, half)
+    return add_discs(image, x_px, y_px, jnp.minimum(radius_px, half - 3), colour, half)
 
 
 def _sky_lights(image: Float[Array, "3 y x"], axes: Array, eye: Array, view: View) -> Float[Array, "3 y x"]:
@@ -371,7 +370,7 @@ def _sky_lights(image: Float[Array, "3 y x"], axes: Array, eye: Array, view: Vie
     pixels_per_sr = np.float32(view.focal_px**2) / jnp.maximum(depth, 0.2) ** 3
     star = jnp.asarray(STARS_LUX) * pixels_per_sr[:-1]
     small = np.float32(0.2)
-    image = _splat(
+    image = add_discs(
         image,
         x_px[:-1],
         y_px[:-1],
@@ -382,35 +381,4 @@ def _sky_lights(image: Float[Array, "3 y x"], axes: Array, eye: Array, view: Vie
     moon_px = np.float32(np.radians(MOON_DEG)) * jnp.sqrt(pixels_per_sr[-1:])
     half = int(np.radians(MOON_DEG) * view.focal_px * 5) + 4
     moon = jnp.asarray([1.05, 1.0, 0.88], jnp.float32) * MOON_CD_M2
-    return _splat(image, x_px[-1:], y_px[-1:], jnp.minimum(moon_px, half - 3), moon[None] * seen[-1], half)
-
-
-def _splat(
-    image: Float[Array, "3 y x"],
-    x_px: Float[Array, " light"],
-    y_px: Float[Array, " light"],
-    radius_px: Float[Array, " light"],
-    rgb: Float[Array, "light 3"],
-    half: int,
-) -> Float[Array, "3 y x"]:
-    """Adds discs of light to an image, each within `half` pixels of its middle; their flux is radius²·π·rgb.
-
-    Below a pixel's size a disc is a Gaussian of its second moment, above it has an edge of EDGE_PX; in between both.
-    """
-    column, row = jnp.floor(x_px).astype(jnp.int32), jnp.floor(y_px).astype(jnp.int32)
-    offsets = jnp.arange(-half, half + 1)
-    dx = (column[:, None] + offsets + 0.5 - x_px[:, None]).astype(jnp.float32)
-    dy = (row[:, None] + offsets + 0.5 - y_px[:, None]).astype(jnp.float32)
-    squared = dy[:, :, None] ** 2 + dx[:, None, :] ** 2
-    r = radius_px[:, None, None].astype(jnp.float32)
-    variance = np.float32(EDGE_PX**2) + r * r / 4
-    spot = r * r / (2 * variance) * jnp.exp(-squared / (2 * variance))
-    edge = jax.scipy.special.erfc((jnp.sqrt(squared) - r) / np.float32(EDGE_PX * np.sqrt(2))) / 2
-    disc = edge * r * r / (r * r + np.float32(EDGE_PX**2))
-    large = jnp.clip(r - 1.5, 0, 1)
-    cover = spot * (1 - large) + disc * large
-    rows = jnp.broadcast_to((row[:, None] + offsets)[:, :, None], cover.shape)
-    columns = jnp.broadcast_to((column[:, None] + offsets)[:, None, :], cover.shape)
-    # Out of the frame, above or to the left too, is dropped, not wrapped.
-    rows, columns = (jnp.where(at < 0, 1 << 20, at) for at in (rows, columns))
-    return image.at[:, rows, columns].add(cover[None] * rgb.T[:, :, None, None].astype(jnp.float32), mode="drop")
+    return add_discs(image, x_px[-1:], y_px[-1:], jnp.minimum(moon_px, half - 3), moon[None] * seen[-1], half)

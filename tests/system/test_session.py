@@ -13,7 +13,7 @@ from pathlib import Path
 import av
 import pytest
 
-SMALL = ("--width", "90", "--height", "100", "--fps", "20")
+SMALL = ("--width", "90", "--height", "100", "--fps", "20", "--eyes", "both")
 
 
 def session(*arguments: str, cwd: Path) -> subprocess.CompletedProcess[str]:
