@@ -37,8 +37,9 @@ class Video:
             self._container = av.open(str(self._file.partial), "w", options={"movflags": "+faststart"})
         except (OSError, ValueError) as error:
             raise self._file.failed(str(error)) from None
-        # One thread: with two, on a busy machine, the same frames now and then gave other bytes.
-        options = {"crf": CRF, "preset": "veryfast", "threads": "1"}
+        # With x264's macroblock tree, a busy machine gave other bytes for the same frames in 11 of 30 films; without it
+        # in none of 40, at a third more bytes. The number of threads is fixed since the output depends on it.
+        options = {"crf": CRF, "preset": "veryfast", "threads": "2", "x264-params": "mbtree=0"}
         rate = Fraction(fps).limit_denominator(1000)
         self._stream = self._container.add_stream("libx264", rate=rate, options=options)
         self._stream.width, self._stream.height = width_px + width_px % 2, height_px + height_px % 2
