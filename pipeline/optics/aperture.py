@@ -11,6 +11,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Complex, Float
+from scipy.special import j0, j1
 
 from pipeline.frame import Observer
 from pipeline.optics import OpticsError
@@ -41,10 +42,12 @@ def pupil_disc(diameter_m: Float[Array, ""] | float, n: int) -> Float[Array, "n 
 
 @functools.lru_cache(maxsize=4)
 def eye_structure(observer: Observer, n: int) -> Complex[Array, "n n"]:
-    """Transmittance of everything in this observer's eye but the pupil: |·| ≤ 1, argument in radians at any λ.
+    """Complex transmittance of everything in this observer's eye but the pupil, 1 where light passes unhindered.
 
     Particles are opaque discs, uniformly over the plane's inscribed disc (LUI §5.2.1 i); gratings are patches of radial
-    fibres outside 1.5 mm that turn the phase (RIT §3.2; transparent membranes, so a phase and no shadow).
+    fibres outside 1.5 mm that turn the phase (RIT §3.2; transparent membranes, so a phase and no shadow). Of a grating
+    the direct light and the first orders are kept: 1 + 2i·J1(a)/J0(a)·cos. The higher orders lie beyond the field of
+    the grid and would fold back into it as corners of the halo.
     Raises OpticsError if the grid is too coarse for the fibres.
     """
     dx = PLANE_M / n
@@ -55,8 +58,8 @@ def eye_structure(observer: Observer, n: int) -> Complex[Array, "n n"]:
         )
     random = np.random.default_rng(observer.seed)
     blocked = _particles(observer, random, n)
-    phase = _fibres(observer, random, n)
-    return jnp.asarray(((1 - blocked) * np.exp(1j * phase)).astype(np.complex64))
+    orders = 2 * j1(FIBRE_PHASE_RAD) / j0(FIBRE_PHASE_RAD) * _fibres(observer, random, n)
+    return jnp.asarray(((1 - blocked) * (1 + 1j * orders)).astype(np.complex64))
 
 
 def _particles(observer: Observer, random: np.random.Generator, n: int) -> np.ndarray:
@@ -80,13 +83,13 @@ def _particles(observer: Observer, random: np.random.Generator, n: int) -> np.nd
 
 
 def _fibres(observer: Observer, random: np.random.Generator, n: int) -> np.ndarray:
-    """Phase of each sample in radians."""
+    """Sum of the patches' cosines at each sample."""
     dx = PLANE_M / n
     outer = PLANE_M / 2
     distance = np.sqrt(FIBRE_INNER_M**2 + (outer**2 - FIBRE_INNER_M**2) * random.random(observer.gratings))
     azimuth = random.random(observer.gratings) * 2 * np.pi
     shift = random.random(observer.gratings) * 2 * np.pi
-    phase = np.zeros((n, n), np.float32)
+    cosines = np.zeros((n, n), np.float32)
     half = int(np.ceil(PATCH_M / dx)) + 1
     offsets = np.arange(-half, half + 1)
     for r, angle, start in zip(distance, azimuth, shift, strict=True):
@@ -96,8 +99,8 @@ def _fibres(observer: Observer, random: np.random.Generator, n: int) -> np.ndarr
         v, u = ((rows - n // 2) * dx)[:, None], ((columns - n // 2) * dx)[None, :]
         inside = np.clip((PATCH_M - np.hypot(v - y, u - x)) / dx + 0.5, 0, 1) * (np.hypot(v, u) >= FIBRE_INNER_M)
         along = -np.sin(angle) * u + np.cos(angle) * v
-        phase[np.ix_(rows, columns)] += inside * FIBRE_PHASE_RAD * np.cos(2 * np.pi * along / FIBRE_PITCH_M + start)
-    return phase
+        cosines[np.ix_(rows, columns)] += inside * np.cos(2 * np.pi * along / FIBRE_PITCH_M + start)
+    return cosines
 
 
 @functools.partial(jax.jit, static_argnames="n")

@@ -62,6 +62,16 @@ class _Lights(NamedTuple):
     rgb_cd_m2: Float[Array, "light 3"]
 
 
+def _lamp_places() -> np.ndarray:
+    z = np.arange(-1, 8) * 18.0 + 9.0
+    x = np.where(np.arange(len(z)) % 2 == 0, -5.3, 5.3)
+    return np.stack([x, np.full_like(z, LAMP_HEIGHT_M), z], axis=1).astype(np.float32)
+
+
+LAMPS_M = _lamp_places()
+LAMP_RGB = np.where((np.arange(len(LAMPS_M)) % 2 == 0)[:, None], SODIUM, LED).astype(np.float32)
+
+
 def _stars() -> tuple[np.ndarray, np.ndarray]:
     """Directions in the upper half of the sky, and illuminances in lux: magnitude 0 (2.5e-6 lx) to 4."""
     random = np.random.default_rng(5)
@@ -105,7 +115,7 @@ def _street(t_s: float, axes: np.ndarray, eye: np.ndarray, view: View) -> Float[
     oncoming_m = np.float32(START_M - SPEED_M_S * within_s)
     ahead_m = np.float32(AHEAD_M + AHEAD_SPEED_M_S * (t_s % (2 * PERIOD_S)))
     full_beam = np.bool_(FLASH_S[0] <= within_s < FLASH_S[1])
-    image = surfaces(direction, eye, oncoming_m, view)
+    image = _surfaces(direction, eye, oncoming_m, view)
     image = _posts(image, direction, eye, view)
     return _objects(image, axes, eye, oncoming_m, ahead_m, full_beam, view)
 
@@ -123,6 +133,135 @@ def _objects(
     image = _cars(image, axes, eye, oncoming_m, ahead_m, view)
     image = _sky_lights(image, axes, eye, view)
     return _discs(image, _lights(oncoming_m, ahead_m, full_beam), axes, eye, view)
+
+
+@functools.partial(jax.jit, static_argnames="view")
+def _surfaces(
+    direction: Float[Array, "3 y x"], eye: Float[Array, "3"], oncoming_m: Float[Array, ""], view: View
+) -> Float[Array, "3 y x"]:
+    """Sky, ground and facades, without lights of their own size."""
+    x, y, z = direction
+    far = np.float32(1e7)  # beyond any wall, or the sky straight ahead would be taken for ground
+    to_ground = jnp.where(y < -1e-5, -eye[1] / jnp.minimum(y, -1e-5), far)
+    side = jnp.sign(x)
+    to_wall = (PAVEMENT_M - side * eye[0]) / jnp.maximum(jnp.abs(x), 1e-5)
+    wall_y, wall_z = eye[1] + to_wall * y, eye[2] + to_wall * z
+    building = jnp.floor(wall_z / BUILDING_M).astype(jnp.int32)
+    roof = 9.0 + 7.0 * _hash(building, (side > 0).astype(jnp.int32), 1)
+    pixel = to_wall / np.float32(view.focal_px)
+    wall_share = jnp.clip((roof - wall_y) / jnp.maximum(pixel, 1e-4) + 0.5, 0, 1) * (to_wall < 400)
+    on_ground, wall_share = jax.lax.optimization_barrier((to_ground < to_wall, wall_share))
+    depth = jnp.where(on_ground, to_ground, to_wall)
+    # Without barriers XLA computes each of these again for every channel that uses it.
+    point, depth = jax.lax.optimization_barrier((eye[:, None, None] + depth * direction, depth))
+    light = jax.lax.optimization_barrier(_illuminance(point, on_ground, side, oncoming_m))
+    ground = light * jax.lax.optimization_barrier(_ground_albedo(point, depth, view)) / np.float32(np.pi)
+    wall = light * WALL / np.float32(np.pi) + _windows(point, depth, x, side, view)
+    up = y / jnp.sqrt(x * x + y * y + z * z)
+    # Moonlit sky: 0.003 cd/m² overhead, ten times that in the town's haze.
+    haze = jax.lax.optimization_barrier(0.003 + 0.03 * jnp.exp(-jnp.clip(up, 0, 1) / 0.13))
+    sky = haze * jnp.asarray([0.72, 1.0, 1.5], jnp.float32)[:, None, None]
+    return jnp.where(on_ground, ground, wall_share * wall + (1 - wall_share) * sky).astype(jnp.float32)
+
+
+def _illuminance(
+    point: Float[Array, "3 y x"], on_ground: Array, side: Float[Array, "y x"], oncoming_m: Float[Array, ""]
+) -> Float[Array, "3 y x"]:
+    """Lux on a surface from moon, lamps and headlights, coloured."""
+    # Component by component and colour by colour: as 3-vectors, XLA makes ten times as many passes over memory.
+    x, y, z = point
+    by_colour = [jnp.zeros_like(x), jnp.zeros_like(x)]
+    for k, (lamp_x, lamp_y, lamp_z) in enumerate(LAMPS_M):
+        dx, dy, dz = lamp_x - x, lamp_y - y, lamp_z - z
+        inverse = jax.lax.rsqrt(dx * dx + dy * dy + dz * dz + np.float32(0.05))
+        # A luminaire shines down and sideways, little upwards.
+        down = jnp.clip(np.float32(0.25) + dy * inverse, 0, 1)
+        facing = jnp.maximum(jnp.where(on_ground, dy, -side * dx), 0)
+        by_colour[k % 2] += np.float32(LAMP_DOWN_CD) * facing * down * inverse * inverse * inverse
+    dx, dy, dz = np.float32(-2.0) - x, np.float32(0.65) - y, oncoming_m - z
+    inverse = jax.lax.rsqrt(dx * dx + dy * dy + dz * dz + np.float32(0.1))
+    ahead = jnp.maximum(dz, np.float32(0.1))
+    away = (dx * dx + (dy - np.float32(0.03) * dz) ** 2) / (ahead * ahead)
+    beam = np.float32(BEAM_CD) * jnp.exp(-away / np.float32(0.22**2)) * (dz > 0) * _arrived(oncoming_m)
+    facing = jnp.maximum(jnp.where(on_ground, dy, -side * dx), 0)
+    lit = [*by_colour, beam * facing * inverse * inverse * inverse]
+    channels = [
+        sum((np.float32(rgb[c]) * lux for rgb, lux in zip((SODIUM, LED, XENON), lit, strict=True)), MOON_LUX * 0.4)
+        for c in range(3)
+    ]
+    return jnp.stack([jnp.asarray(channel, jnp.float32) for channel in channels])
+
+
+def _repeat(at: Array, period: float) -> Array:
+    """Modulo; XLA's own calls the C library for each pixel."""
+    return at - np.float32(period) * jnp.floor(at * np.float32(1 / period))
+
+
+def _stripe(at: Array, centre: float, width: float, footprint: Array) -> Array:
+    """Share of a footprint that a stripe covers."""
+    low = jnp.maximum(at - footprint / 2, centre - width / 2)
+    high = jnp.minimum(at + footprint / 2, centre + width / 2)
+    return jnp.clip((high - low) / footprint, 0, 1)
+
+
+def _ground_albedo(point: Float[Array, "3 y x"], depth: Float[Array, "y x"], view: View) -> Float[Array, "y x"]:
+    x, _, z = point
+    across = depth / np.float32(view.focal_px) + 1e-4
+    along = across * jnp.maximum(depth / EYE_HEIGHT_M, 1)
+    road = _stripe(x, 0.0, 2 * ROAD_M, across)
+    albedo = PAVING + (ASPHALT - PAVING) * road
+    dash = _stripe(_repeat(z, 8.0), 2.0, 3.0, jnp.minimum(along, 8.0))
+    dash = jnp.where(along > 8.0, 3 / 8, dash)
+    paint = _stripe(x, 0.0, 0.15, across) * dash
+    for edge in (-ROAD_M + 0.35, ROAD_M - 0.35):
+        paint += _stripe(x, edge, 0.12, across)
+    kerb = _stripe(x, -ROAD_M - 0.1, 0.2, across) + _stripe(x, ROAD_M + 0.1, 0.2, across)
+    # A crossing before the signals.
+    bars = jnp.where(across > 0.5, 0.5, _stripe(_repeat(x, 1.0), 0.5, 0.5, across))
+    paint += _stripe(z, 26.0, 3.0, along) * road * bars
+    return albedo * (1 - paint - kerb) + PAINT * paint + KERB * kerb
+
+
+def _windows(
+    point: Float[Array, "3 y x"],
+    depth: Float[Array, "y x"],
+    x: Float[Array, "y x"],
+    side: Float[Array, "y x"],
+    view: View,
+) -> Float[Array, "3 y x"]:
+    """Lit windows in cd/m²; further away than they can be told apart, their mean."""
+    _, y, z = point
+    tall = depth / np.float32(view.focal_px) + 1e-4
+    wide = tall / jnp.maximum(jnp.abs(x), 0.02)
+    column, floor = jnp.floor(z / WINDOW_M).astype(jnp.int32), jnp.floor(y / FLOOR_M).astype(jnp.int32)
+    pane = _stripe(_repeat(z, WINDOW_M), WINDOW_M / 2, 1.3, wide) * _stripe(_repeat(y, FLOOR_M), 1.7, 1.6, tall)
+    bar = 1 - 0.85 * _stripe(_repeat(z, WINDOW_M), WINDOW_M / 2, 0.07, wide)
+    key = column * 2 + (side > 0).astype(jnp.int32)
+    lit = _hash(key, floor, 3) < LIT_SHARE
+    luminance = 4 * jnp.exp(np.float32(np.log(12)) * _hash(key, floor, 4))
+    warmth = _hash(key, floor, 5)[None]
+    colour = (
+        warmth * jnp.asarray(WARM, jnp.float32)[:, None, None]
+        + (1 - warmth) * jnp.asarray(LED, jnp.float32)[:, None, None]
+    )
+    curtain = 0.6 + 0.4 * jnp.clip((_repeat(y, FLOOR_M) - 0.9) / 1.6, 0, 1)
+    glow = jax.lax.optimization_barrier(jnp.where(lit, luminance * curtain, 0.02) * pane * bar)
+    near = glow[None] * colour
+    share = 1.3 / WINDOW_M * 1.6 / FLOOR_M * LIT_SHARE
+    mean = share * 14 * (0.5 * jnp.asarray(WARM, jnp.float32) + 0.5 * jnp.asarray(LED, jnp.float32))[:, None, None]
+    resolved = jnp.clip(1.6 - wide / 0.9, 0, 1)
+    return near * resolved + mean * (1 - resolved)
+
+
+def _hash(a: Array, b: Array, salt: int) -> Float[Array, "..."]:
+    """Uniform in [0, 1) for two integers, the same on every machine."""
+    value: UInt32[Array, "..."] = a.astype(jnp.uint32) * np.uint32(0x9E3779B1) ^ b.astype(jnp.uint32) * np.uint32(
+        0x85EBCA77
+    )
+    value = (value ^ np.uint32(salt * 0xC2B2AE3D & 0xFFFFFFFF)) * np.uint32(0x27D4EB2F)
+    value = (value ^ (value >> 15)) * np.uint32(0x2C1B3C6D)
+    value = value ^ (value >> 12)
+    return (value >> 8).astype(jnp.float32) * np.float32(2**-24)
 
 
 def _project(at: Float[Array, "*n 3"], axes: Float[Array, "3 3"], view: View) -> tuple[Array, Array, Array]:
@@ -179,13 +318,18 @@ def _cars(
     return image
 
 
+def _arrived(oncoming_m: Array) -> Array:
+    """0 where a car appears, 1 from a second on: otherwise its lights would jump when the next one comes."""
+    return jnp.clip((START_M - oncoming_m) / SPEED_M_S, 0, 1)
+
+
 def _lights(oncoming_m: Array, ahead_m: Array, full_beam: Array) -> _Lights:
     places: list[Array] = [jnp.asarray(place) for place in LAMPS_M]
     radii = [LAMP_M] * len(places)
     colours = [jnp.asarray(rgb * LAMP_CD_M2) for rgb in LAMP_RGB]
     # A headlight shines forwards, so it goes out as it passes; it comes out of the haze in its first second.
     forwards = jnp.maximum(oncoming_m, 0) ** 2 / (oncoming_m**2 + np.float32(2.6**2))
-    beam = jnp.where(full_beam, FULL_CD_M2, DIPPED_CD_M2) * forwards * arrived(oncoming_m)
+    beam = jnp.where(full_beam, FULL_CD_M2, DIPPED_CD_M2) * forwards * _arrived(oncoming_m)
     for x_m, z_m, radius, colour in (
         (-2.65, oncoming_m, HEADLIGHT_M, jnp.asarray(XENON) * beam),
         (-1.35, oncoming_m, HEADLIGHT_M, jnp.asarray(XENON) * beam),

@@ -96,3 +96,12 @@ def test_the_same_observer_has_the_same_eye_and_another_seed_another() -> None:
     aperture.eye_structure.cache_clear()
     assert np.array_equal(one, np.asarray(aperture.eye_structure(Observer(), N)))
     assert not np.array_equal(one, np.asarray(aperture.eye_structure(Observer(seed=1), N)))
+
+
+def test_the_halo_is_a_ring_without_corners() -> None:
+    """Higher orders of the fibres, were they kept, would fold back to the diagonals at 4.6°."""
+    psf = psf_of(Observer(particles=0), 7.0)
+    y, x = (np.indices(psf.shape) - N // 2) * diffraction.bin_deg(diffraction.WAVELENGTH_NM)
+    away = np.hypot(x, y)
+    corners, ring = (away > 4.3) & (away < 4.9), (away > 2.95) & (away < 3.15)
+    assert psf[corners].mean() < 1e-3 * psf[ring].mean()
