@@ -127,7 +127,8 @@ class Display(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """What shows the perceived frame."""
 
     peak_cd_m2: Annotated[float, msgspec.Meta(ge=1.0, le=20000.0)] = 100.0
-    """Luminance of full white. 100 is the studio reference; a brighter display keeps mid-tones and has room above."""
+    """Luminance of full white. 100 is the studio reference; a brighter display shows middle grey at the same luminance
+    and has more room above it, a dimmer one shows the same picture darker."""
     black_cd_m2: Annotated[float, msgspec.Meta(ge=0.0, le=10.0)] = 0.0
     """Luminance of full black."""
 

@@ -8,6 +8,7 @@ import functools
 import jax
 import jax.numpy as jnp
 import numpy as np
+import scipy.ndimage
 from jaxtyping import Array, Float
 from numpy.typing import NDArray
 
@@ -47,7 +48,10 @@ class Measurement:
     share_below: dict[float, float]
     """Share of pixels darker than each of SHARES_BELOW_CD_M2."""
     sources: tuple[LightSource, ...]
-    """Brightest first: tiles whose peak is a local maximum and 30 times the mean of the image."""
+    """Brightest first, MAX_SOURCES at most: tiles whose peak is a local maximum and 30 times the mean of the image.
+
+    Neighbouring tiles of the same peak are one light.
+    """
 
 
 def measure(frame: Frame) -> tuple[Measurement, ...]:
@@ -113,7 +117,9 @@ def _interpret(
 def _sources(tile_max: NDArray[np.float32], mean_cd_m2: float, tile_px: int) -> tuple[LightSource, ...]:
     bordered = np.pad(tile_max, 1, constant_values=-1)
     neighbours = np.lib.stride_tricks.sliding_window_view(bordered, (3, 3)).max((2, 3))
-    rows, columns = np.nonzero((tile_max >= neighbours) & (tile_max > 30 * mean_cd_m2))
+    lights, _ = scipy.ndimage.label((tile_max >= neighbours) & (tile_max > 30 * mean_cd_m2), np.ones((3, 3)))
+    labels, first = np.unique(lights, return_index=True)
+    rows, columns = np.unravel_index(first[labels > 0], lights.shape)
     brightest = np.argsort(-tile_max[rows, columns], kind="stable")[:MAX_SOURCES]
     return tuple(
         LightSource((columns[k] + 0.5) * tile_px, (rows[k] + 0.5) * tile_px, float(tile_max[rows[k], columns[k]]))

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 
 from pipeline.effects import acuity, adaptation, night_colour
 from pipeline.effects.glare import Scattering
-from pipeline.measure import Measurement
+from pipeline.measure import MAX_SOURCES, Measurement
 from pipeline.threshold import threshold_cd_m2
 
 
@@ -63,8 +63,8 @@ def make_plan(
 ) -> Plan:
     """The plan for a frame: an effect runs on all eyes' images if any eye calls for it.
 
-    One measurement, adapted luminance and kernel bound for each eye. A skip of glare changes no pixel by more than the
-    threshold of an eye so adapted; a skip of acuity changes none at all.
+    One measurement, adapted luminance and kernel bound for each eye. A skip of glare changes no pixel's luminance by
+    more than the threshold of an eye so adapted; a skip of acuity changes none at all.
     """
     return (
         Step(Effect.ADAPTATION, "temporal", f"adapted to {_list(adapted_cd_m2)} cd/m²"),
@@ -81,36 +81,40 @@ def _plan_glare(
     scattering: Sequence[Scattering],
     model: GlareModel,
 ) -> Step:
-    bounds = []
-    for eye, adapted, kernel in zip(measured, adapted_cd_m2, scattering, strict=True):
-        # Scattered light differs from what a pixel itself gives away by no more than either of these.
-        contrast = kernel.share * (eye.max_cd_m2 - eye.min_cd_m2)
-        excess = kernel.peak * (eye.mean_cd_m2 - eye.min_cd_m2) * eye.view.width_px * eye.view.height_px
-        bounds.append((min(contrast, excess), threshold_cd_m2(adapted)))
-    bound, threshold = max(bounds, key=lambda pair: pair[0] / pair[1])
-    if bound <= threshold:
-        return Step(
-            Effect.GLARE,
-            SKIPPED,
-            f"no light scatters more than {bound:.2g} cd/m²; this eye's threshold is {threshold:.2g} cd/m²",
-        )
-    return Step(
-        Effect.GLARE,
-        model.value,
-        f"lights of up to {max(eye.max_cd_m2 for eye in measured):.3g} cd/m² may scatter {bound:.2g} cd/m², "
-        f"over the threshold of {threshold:.2g} cd/m²",
+    # The eye that calls for it most.
+    bound, threshold, eye = max(
+        (
+            (kernel.share * eye.max_cd_m2, threshold_cd_m2(adapted), eye)
+            for eye, adapted, kernel in zip(measured, adapted_cd_m2, scattering, strict=True)
+        ),
+        key=lambda candidate: candidate[0] / candidate[1],
     )
+    seen = f"brightest pixel {eye.max_cd_m2:.3g} cd/m², {_lights(eye)}"
+    if bound <= threshold:
+        reason = (
+            f"{seen}: glare changes no pixel by more than {bound:.2g}, the eye's threshold is {threshold:.2g} cd/m²"
+        )
+        return Step(Effect.GLARE, SKIPPED, reason)
+    reason = f"{seen}: glare may change a pixel by {bound:.2g}, over the threshold of {threshold:.2g} cd/m²"
+    return Step(Effect.GLARE, model.value, reason)
+
+
+def _lights(measured: Measurement) -> str:
+    count = len(measured.sources)
+    more = " or more" if count == MAX_SOURCES else ""
+    return f"{count}{more} {'light stands' if count == 1 else 'lights stand'} out" if count else "no light stands out"
 
 
 def _plan_acuity(measured: Sequence[Measurement], scattering: Sequence[Scattering]) -> Step:
-    # Glare may darken a pixel by what it scatters, so the limit is raised by as much.
-    limit = max(acuity.LIMIT_CD_M2 / (1 - kernel.share) for kernel in scattering)
     darkest = min(eye.min_cd_m2 for eye in measured)
-    if darkest >= limit:
+    # Glare may take from a pixel what it scatters.
+    left = min(eye.min_cd_m2 * kernel.stays for eye, kernel in zip(measured, scattering, strict=True))
+    if left >= acuity.LIMIT_CD_M2:
         return Step(
             Effect.ACUITY,
             SKIPPED,
-            f"darkest pixel {darkest:.3g} cd/m²: above {limit:.3g} cd/m² an eye resolves every pixel",
+            f"darkest pixel {darkest:.3g} cd/m², {left:.3g} of it after glare: above {acuity.LIMIT_CD_M2:.2g} cd/m² an "
+            "eye resolves every pixel",
         )
     return Step(
         Effect.ACUITY,

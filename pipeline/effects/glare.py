@@ -35,9 +35,13 @@ class Scattering:
     """Bounds of a kernel: all that planning needs to know of it."""
 
     share: float
-    """Largest share of a point's light that leaves its pixel."""
-    peak: float
-    """Largest share that any one other pixel gets."""
+    """No pixel's luminance changes by more than this share of the frame's largest.
+
+    A pixel loses what it scatters itself and gets what the others scatter to it. Both are positive, so the change is no
+    more than the larger of the two, whatever the frame, the light beyond its edges and the window's falloff.
+    """
+    stays: float
+    """Least share of a point's light that stays in its pixel."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -52,7 +56,12 @@ class Kernel:
     @functools.cached_property
     def bounds(self) -> Scattering:
         """How much light this kernel can move."""
-        return Scattering(1 - float(self.stays.min()), float(self.scatters.max()))
+        scatters = np.asarray(self.scatters, np.float64)
+        middle = scatters[:, scatters.shape[1] // 2, scatters.shape[2] // 2]
+        stays = float((np.asarray(self.stays, np.float64) + middle).min())
+        # A pixel gets at most the brightest luminance from all others, each time in the colour that scatters most.
+        gets = float(scatters.max(axis=0).sum() - middle.max())
+        return Scattering(max(1 - stays, gets), stays)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -110,7 +119,7 @@ def wave_bounds(observer: Observer, pupil_mm: float, view: View) -> Scattering:
     """How much light wave-optics glare can move, at this pupil."""
     low, high, _ = pupil_steps(pupil_mm)
     bounds = [wave_kernel(observer, step, view.ppd_centre).bounds for step in (low, high)]
-    return Scattering(max(bound.share for bound in bounds), max(bound.peak for bound in bounds))
+    return Scattering(max(bound.share for bound in bounds), min(bound.stays for bound in bounds))
 
 
 def window_of(view: View, radius_px: int) -> Window:
@@ -219,7 +228,7 @@ def analytic_bounds(view: View, adapted_cd_m2: float, age_years: float) -> Scatt
     bounds = [kernel.bounds for kernel in _analytic_parts(view)[0]]
     return Scattering(
         sum(float(weight) * bound.share for weight, bound in zip(weights, bounds, strict=True)),
-        sum(float(weight) * bound.peak for weight, bound in zip(weights, bounds, strict=True)),
+        sum(float(weight) * bound.stays for weight, bound in zip(weights, bounds, strict=True)),
     )
 
 

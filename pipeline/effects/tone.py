@@ -10,13 +10,26 @@ from jaxtyping import Array, Float, UInt8
 from pipeline.frame import Display
 
 REFERENCE_PEAK_CD_M2 = 100.0
-"""The peak that the ACES fit is made for. A display of n times this shows mid-tones at the same luminance and keeps n
-times as much room above them."""
+"""The peak that the ACES fit is made for."""
+MIDDLE_GREY = 0.18
+"""What a brighter display shows at the same luminance as the reference, 1 being reference white (Reinhard 2002)."""
 
 
 def _aces(x: Float[Array, "..."]) -> Float[Array, "..."]:
     """The ACES filmic curve as real-time renderers fit it (Narkowicz 2016): 0 at 0, monotonic, towards 1.033."""
     return jnp.minimum(x * (2.51 * x + 0.03) / (x * (2.43 * x + 0.59) + 0.14), 1)
+
+
+def display_scale(peak_cd_m2: float | Array) -> Float[Array, ""]:
+    """What exposed values are multiplied by for a display of this peak.
+
+    Above the reference, such that middle grey keeps its luminance and what is brighter has the room up to the peak;
+    contrast rises, so what is darker becomes darker. Below it 1: the whole picture is as much darker as the peak is.
+    """
+    y = _aces(jnp.asarray(MIDDLE_GREY)) * jnp.minimum(REFERENCE_PEAK_CD_M2 / peak_cd_m2, 1)
+    # The curve solved for x: (2.51 − 2.43y)·x² + (0.03 − 0.59y)·x − 0.14y = 0.
+    square, linear = 2.51 - 2.43 * y, 0.03 - 0.59 * y
+    return (jnp.sqrt(linear * linear + 0.56 * y * square) - linear) / (2 * square * MIDDLE_GREY)
 
 
 @jax.jit
@@ -25,7 +38,7 @@ def aces(rgb: Float[Array, "eye 3 y x"], exposure: Float[Array, "eye"], peak_cd_
 
     `exposure` in 1/(cd/m²) brings each eye's frame to where 1 is the reference white of 100 cd/m².
     """
-    scale = (exposure * (REFERENCE_PEAK_CD_M2 / peak_cd_m2)).astype(jnp.float32)
+    scale = (exposure * display_scale(peak_cd_m2)).astype(jnp.float32)
     # Beyond 1e4 the curve is flat and its square would overflow for a sun.
     return _aces(jnp.minimum(rgb * scale[:, None, None, None], np.float32(1e4)))
 

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import math
-
 
 def watson_yellott_mm(luminance_cd_m2: float, field_deg2: float, age_years: float, *, binocular: bool = True) -> float:
     """Pupil diameter in mm after Watson & Yellott 2012 (eq. 21): light, field area, age and number of eyes.
@@ -14,8 +12,3 @@ def watson_yellott_mm(luminance_cd_m2: float, field_deg2: float, age_years: floa
     x = (flux / 846.0) ** 0.41
     standard_mm = 7.75 - 5.75 * x / (x + 2.0)
     return standard_mm + (age_years - 28.58) * (0.02132 - 0.009562 * standard_mm)
-
-
-def moon_spencer_mm(luminance_cd_m2: float) -> float:
-    """Pupil diameter in mm after Moon & Spencer 1944 (SPE §3.1.1, KRI 3.15), for a luminance above 0."""
-    return 4.9 - 3.0 * math.tanh(0.4 * (math.log10(luminance_cd_m2) + 1.0))

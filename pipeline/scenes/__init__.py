@@ -1,13 +1,14 @@
 """Where frames come from.
 
-scene.py         what every scene is: a name, notes, a view, and a frame for a time and a head
-head_path.py     how the head moves
-image_file.py    one HDR file: pixels, repairs, absolute scale
-panorama.py      an equirectangular panorama around the head
-images.py        a picture before the eyes, or a folder of them in turn
-night_street.py  the embedded scene: a street at night in real luminances
-discs.py         lights that may be smaller than a pixel
-resample.py      other sizes with the same light
+scene.py            what every scene is: a name, notes, a view, and a frame for a time and a head
+head_path.py        how the head moves
+image_file.py       one HDR file: pixels, repairs, absolute scale
+panorama.py         an equirectangular panorama around the head
+images.py           a picture before the eyes, or a folder of them in turn
+night_street.py     the embedded scene: a street at night in real luminances
+street_surfaces.py  its sky, ground and facades
+discs.py            lights that may be smaller than a pixel
+resample.py         other sizes with the same light
 """
 
 from __future__ import annotations

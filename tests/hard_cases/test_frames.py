@@ -88,10 +88,12 @@ def test_the_sun_in_one_corner_leaves_the_other_darker_than_a_plain_fft_does() -
     light = np.zeros((3, size, size), np.float32)
     light[:, :512, :512] = frame
     plain = np.asarray(jnp.fft.irfft2(jnp.fft.rfft2(light) * glare.transform(whole, size, size), s=(size, size)))
+    # Without the padding, into which the sun scatters round the edge.
+    plain = plain[:, :512, :512]
     errors = [np.abs(image[corner] - 1e-3).max() for image in (glared, plain)]
     assert glared.min() >= 0
-    assert errors[0] < 0.1
-    assert errors[1] > 10 * errors[0]
+    assert errors[0] < 0.05
+    assert errors[1] > 60 * errors[0]
 
 
 def test_denormals_are_darkness() -> None:

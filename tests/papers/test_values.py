@@ -12,11 +12,6 @@ from pipeline.optics import analytic, pupil
 ANGLES_DEG = np.concatenate([np.linspace(0, 1, 200_001), np.linspace(1, 90, 200_001)[1:]])
 
 
-@pytest.mark.parametrize(("luminance", "mm"), [(0.01, 6.040), (10, 2.908), (1000, 2.135)])
-def test_moon_spencer(luminance: float, mm: float) -> None:
-    assert pupil.moon_spencer_mm(luminance) == pytest.approx(mm, abs=5e-4)
-
-
 def test_watson_yellott() -> None:
     assert pupil.watson_yellott_mm(1, 900, 45) == pytest.approx(5.240, abs=5e-4)
 

@@ -1,10 +1,11 @@
-"""Glare on frames: energy, linearity, place, and both models."""
+"""Glare on frames: energy, linearity, place, both models, and the bounds that planning relies on."""
 
 import numpy as np
 import pytest
 
 from pipeline import Observer, View
 from pipeline.effects import glare
+from pipeline.measure import luminance
 
 VIEW = View(360, 400, 104.0)
 OBSERVER = Observer()
@@ -86,10 +87,10 @@ def test_the_window_equals_summing_the_kernel_over_the_lights() -> None:
     kernel = glare.wave_kernel(OBSERVER, 20, VIEW.ppd_centre)
     radius = kernel.scatters.shape[1] // 2
     expected = np.zeros((3, 400 + 2 * radius, 360 + 2 * radius))
-    for y, x, luminance in lights:
-        frame[:, y, x] = luminance
-        expected[:, y : y + 2 * radius + 1, x : x + 2 * radius + 1] += luminance * np.asarray(kernel.scatters)
-        expected[:, y + radius, x + radius] += luminance * np.asarray(kernel.stays)
+    for y, x, cd_m2 in lights:
+        frame[:, y, x] = cd_m2
+        expected[:, y : y + 2 * radius + 1, x : x + 2 * radius + 1] += cd_m2 * np.asarray(kernel.scatters)
+        expected[:, y + radius, x + radius] += cd_m2 * np.asarray(kernel.stays)
     glared = np.asarray(glare.wave_glare(frame, VIEW, OBSERVER, 5.0, CENTRE))
     np.testing.assert_allclose(glared, expected[:, radius:-radius, radius:-radius], rtol=1e-4, atol=2e-3)
 
@@ -126,11 +127,60 @@ def test_frames_smaller_than_the_kernel_and_odd_ones(size: tuple[int, int]) -> N
         assert values.max() <= 1.003
 
 
-def test_the_bounds_hold_for_a_single_light() -> None:
-    frame = dark()
-    frame[:, 200, 180] = 1e4
-    bounds = glare.wave_bounds(OBSERVER, 5.1, VIEW)
-    change = np.asarray(glare.wave_glare(frame, VIEW, OBSERVER, 5.1, (180.5, 200.5))) - frame
-    assert np.abs(change).max() <= 1e4 * bounds.share * (1 + 1e-5)
-    change[:, 200, 180] = 0
-    assert change.max() <= 1e4 * bounds.peak * (1 + 1e-4)
+SMALL = View(90, 100, 26.0)
+
+
+def hard_frames() -> dict[str, np.ndarray]:
+    """Frames of luminance 1 at most, made to lose or gain as much light as can be."""
+    random = np.random.default_rng(4)
+    frames = {"uniform": np.ones((3, 100, 90), np.float32)}
+    frames["random"] = random.random((3, 100, 90), np.float32)
+    frames["sparse"] = (random.random((1, 100, 90)) < 0.01) * random.random((3, 100, 90), np.float32)
+    frames["a dark pixel in the light"] = np.ones((3, 100, 90), np.float32)
+    frames["a dark pixel in the light"][:, 50, 45] = 0
+    frames["in a corner"] = np.zeros((3, 100, 90), np.float32)
+    frames["in a corner"][:, 0, 0] = 1
+    for channel, colour in enumerate(("red", "green", "blue")):
+        frames[f"a {colour} lamp"] = np.zeros((3, 100, 90), np.float32)
+        frames[f"a {colour} lamp"][channel, 50, 45] = 1
+        frames[f"a {colour} field around a dark pixel"] = np.zeros((3, 100, 90), np.float32)
+        frames[f"a {colour} field around a dark pixel"][channel] = 1
+        frames[f"a {colour} field around a dark pixel"][channel, 50, 45] = 0
+    return {name: (frame / luminance(frame).max()).astype(np.float32) for name, frame in frames.items()}
+
+
+@pytest.mark.parametrize("name", hard_frames())
+@pytest.mark.parametrize("pupil_mm", [2.0, 5.1, 8.0])
+def test_wave_glare_changes_no_luminance_by_more_than_its_bound(name: str, pupil_mm: float) -> None:
+    frame = hard_frames()[name]
+    bound = glare.wave_bounds(OBSERVER, pupil_mm, SMALL).share
+    for gaze in ((45.0, 50.0), (3.0, 99.0)):
+        change = luminance(glare.wave_glare(frame, SMALL, OBSERVER, pupil_mm, gaze)) - luminance(frame)
+        assert 0 < np.abs(np.asarray(change)).max() <= bound * (1 + 1e-5)
+
+
+@pytest.mark.parametrize("name", hard_frames())
+@pytest.mark.parametrize(("adapted_cd_m2", "age_years"), [(1e-3, 20.0), (0.2, 60.0), (100.0, 120.0)])
+def test_analytic_glare_changes_no_luminance_by_more_than_its_bound(
+    name: str, adapted_cd_m2: float, age_years: float
+) -> None:
+    frame = hard_frames()[name]
+    bound = glare.analytic_bounds(SMALL, adapted_cd_m2, age_years).share
+    glared = np.asarray(glare.analytic_glare(frame, SMALL, adapted_cd_m2, age_years))
+    assert glared.min() >= 0
+    assert 0 < np.abs(np.asarray(luminance(glared) - luminance(frame))).max() <= bound * (1 + 1e-5)
+
+
+def test_the_bound_is_reached() -> None:
+    """At a narrow pupil red scatters most: a lone red pixel loses all that the bound allows."""
+    lamp = hard_frames()["a red lamp"]
+    change = luminance(glare.wave_glare(lamp, SMALL, OBSERVER, 2.0, (45.5, 50.5))) - luminance(lamp)
+    bound = glare.wave_bounds(OBSERVER, 2.0, SMALL).share
+    assert np.abs(np.asarray(change)).max() == pytest.approx(bound, rel=0.02)
+
+
+def test_no_pixel_keeps_less_than_the_bound_says() -> None:
+    frame = hard_frames()["random"]
+    for pupil_mm in (2.0, 5.1, 8.0):
+        left = luminance(glare.wave_glare(frame, SMALL, OBSERVER, pupil_mm, (45.0, 50.0)))
+        assert (left >= luminance(frame) * glare.wave_bounds(OBSERVER, pupil_mm, SMALL).stays * (1 - 1e-5)).all()

@@ -35,7 +35,7 @@ def test_a_clear_pupils_first_dark_ring_is_airys(diameter_mm: float) -> None:
     expected_bins = 1.2197 * aperture.PLANE_M / (diameter_mm * 1e-3)
     assert brentq(amplitude, 0.9 * expected_bins, 1.1 * expected_bins) == pytest.approx(expected_bins, rel=0.005)
     psf = psf_of(CLEAR, diameter_mm)
-    for bins in range(8):
+    for bins in range(6):
         assert psf[N // 2, N // 2 + bins] / psf.max() == pytest.approx((amplitude(bins) / amplitude(0)) ** 2, abs=1e-6)
 
 
@@ -52,6 +52,17 @@ def test_the_fibres_halo_lies_at_three_degrees_for_568_nm() -> None:
     deg_at_568 = np.arange(len(profile)) * diffraction.bin_deg(diffraction.WAVELENGTH_NM) * 568 / 575
     near = (deg_at_568 > 2) & (deg_at_568 < 4)
     assert deg_at_568[near][np.argmax(profile[near])] == pytest.approx(3.0, abs=0.03)
+
+
+def test_the_halo_of_the_average_eye_has_spencers_share_of_the_light() -> None:
+    """3.3 % at 7 mm (SPE 10), counted in the ring itself against the same pupil without fibres."""
+    y, x = (np.indices((N, N)) - N // 2) * diffraction.bin_deg(diffraction.WAVELENGTH_NM)
+    ring = (np.hypot(x, y) > 2) & (np.hypot(x, y) < 4)
+    clear = psf_of(CLEAR, 7.0)[ring].sum(dtype=np.float64)
+    eyes = [psf_of(Observer(particles=0, seed=seed), 7.0) for seed in range(6)]
+    shares = [eye[ring].sum(dtype=np.float64) - clear for eye in eyes]
+    assert np.mean(shares) == pytest.approx(0.033, abs=0.002)
+    assert np.ptp(shares) < 0.01
 
 
 def test_a_pupil_under_3_mm_has_no_halo() -> None:

@@ -5,22 +5,7 @@ import numpy as np
 import OpenImageIO as oiio
 import pytest
 
-HDR = Path(__file__).parents[4] / "shared" / "data" / "hdr"
-
 Write = Callable[..., Path]
-
-
-@pytest.fixture
-def shared_hdr() -> Callable[[str], Path]:
-    """The path of a real HDR file that is not part of the project; skips the test where it is absent."""
-
-    def path_of(name: str) -> Path:
-        path = HDR / name
-        if not path.exists():
-            pytest.skip(f"{name} is not here")
-        return path
-
-    return path_of
 
 
 @pytest.fixture

@@ -124,10 +124,18 @@ def test_missing_foreign_and_broken_files_are_refused(tmp_path: Path, write_hdr:
     (tmp_path / "empty.hdr").write_bytes(b"")
     with pytest.raises(FrameError, match=r"empty\.hdr: cannot be read"):
         read(tmp_path / "empty.hdr")
-    whole = write_hdr("cut.exr", random_image(200, 300)).read_bytes()
-    (tmp_path / "cut.exr").write_bytes(whole[: len(whole) // 2])
-    with pytest.raises(FrameError, match=r"cut\.exr"):
-        read(tmp_path / "cut.exr")
+    (tmp_path / "text.hdr").write_text("This is not a picture.\n" * 100)
+    with pytest.raises(FrameError, match=r"text\.hdr: cannot be read"):
+        read(tmp_path / "text.hdr")
+
+
+@pytest.mark.parametrize("name", ["cut.exr", "cut.hdr"])
+def test_a_file_that_breaks_off_is_refused(tmp_path: Path, write_hdr: Write, name: str) -> None:
+    whole = write_hdr(name, random_image(200, 300)).read_bytes()
+    for kept in (20, len(whole) // 2, len(whole) - 100):
+        (tmp_path / name).write_bytes(whole[:kept])
+        with pytest.raises(FrameError, match=rf"{name}.*cannot be read"):
+            read(tmp_path / name)
 
 
 def test_images_without_light_or_number_are_refused(write_hdr: Write) -> None:
@@ -150,8 +158,8 @@ def test_images_without_light_or_number_are_refused(write_hdr: Write) -> None:
         ("pmndrs_studio.hdr", Cleaned(), True, None),
     ],
 )
-def test_real_files(shared_hdr: Find, name: str, cleaned: Cleaned, panorama: bool, scale: float | None) -> None:
-    file = read(shared_hdr(name))
+def test_real_files(shared: Find, name: str, cleaned: Cleaned, panorama: bool, scale: float | None) -> None:
+    file = read(shared(f"hdr/{name}"))
     assert file.cleaned == cleaned
     assert file.header.panorama is panorama
     assert np.isfinite(file.rgb).all()

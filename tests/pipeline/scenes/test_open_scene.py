@@ -5,8 +5,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pipeline.frame import FrameError, View
+from pipeline.frame import LUMINANCE_WEIGHTS, FrameError, View
 from pipeline.scenes import open_scene
+from pipeline.scenes.image_file import band_solid_angles
 from pipeline.scenes.images import Pictures
 from pipeline.scenes.night_street import NightStreet
 from pipeline.scenes.panorama import Panorama
@@ -47,3 +48,28 @@ def test_what_is_not_there_or_no_scene_is_refused(tmp_path: Path) -> None:
     (tmp_path / "photo.jpg").write_bytes(b"\xff\xd8")
     with pytest.raises(FrameError, match=r"photo\.jpg: not a format"):
         open_scene(str(tmp_path / "photo.jpg"), mean_luminance_cd_m2=None)
+
+
+@pytest.mark.shared_data
+def test_a_real_photo_says_what_was_repaired(shared: Callable[[str], Path]) -> None:
+    scene = open_scene(str(shared("hdr/openexr_CandleGlass.exr")), mean_luminance_cd_m2=None)
+    assert "openexr_CandleGlass.exr: 1107 negative, 0 NaN, 0 infinite components set to usable values." in scene.notes
+    assert any("default" in note for note in scene.notes)
+
+
+@pytest.mark.shared_data
+def test_a_real_photo_keeps_its_own_scale(shared: Callable[[str], Path]) -> None:
+    scene = open_scene(str(shared("hdr/openexr_Tree.exr")), mean_luminance_cd_m2=None)
+    assert any("621 cd/m², its own whiteLuminance" in note for note in scene.notes)
+    assert any("own chromaticities to Rec.709" in note for note in scene.notes)
+
+
+@pytest.mark.shared_data
+@pytest.mark.parametrize(("asked", "expected"), [(None, 100.0), (0.5, 0.5)])
+def test_a_real_panorama_has_the_mean_that_was_asked_for(
+    shared: Callable[[str], Path], asked: float | None, expected: float
+) -> None:
+    scene = open_scene(str(shared("hdr/pmndrs_night.hdr")), mean_luminance_cd_m2=asked)
+    assert isinstance(scene, Panorama)
+    luminance = np.tensordot(LUMINANCE_WEIGHTS, scene.rgb_cd_m2.astype(np.float64), 1)
+    assert luminance.mean(axis=1) @ band_solid_angles(512) == pytest.approx(expected, rel=1e-4)

@@ -112,8 +112,8 @@ def test_both_eyes_see_the_same_and_time_changes_nothing() -> None:
 
 
 @pytest.mark.shared_data
-def test_the_real_sun_keeps_its_light_within_1_percent(shared_hdr: Callable[[str], Path]) -> None:
-    file = read(shared_hdr("pmndrs_sunrise.hdr"))
+def test_the_real_sun_keeps_its_light_within_1_percent(shared: Callable[[str], Path]) -> None:
+    file = read(shared("hdr/pmndrs_sunrise.hdr"))
     sun = np.where(file.rgb[1] > 1e3, file.rgb, 0)
     row, column = np.unravel_index(sun[1].argmax(), sun[1].shape)
     azimuth, elevation = ((column + 0.5) / 512 - 1) * 180, (0.5 - (row + 0.5) / 512) * 180
@@ -127,8 +127,8 @@ def test_the_real_sun_keeps_its_light_within_1_percent(shared_hdr: Callable[[str
 
 
 @pytest.mark.shared_data
-def test_the_six_faces_of_a_cube_hold_the_light_of_the_whole_sphere(shared_hdr: Callable[[str], Path]) -> None:
-    file = read(shared_hdr("pmndrs_studio.hdr"))
+def test_the_six_faces_of_a_cube_hold_the_light_of_the_whole_sphere(shared: Callable[[str], Path]) -> None:
+    file = read(shared("hdr/pmndrs_studio.hdr"))
     panorama, view = Panorama(file.rgb, "studio"), View(256, 256, 90.0)
     heads = [Head(yaw, 0, 0) for yaw in (0, 90, 180, 270)] + [Head(0, 90, 0), Head(0, -90, 0)]
     total = sum((seen(panorama, view, head) * solid_angles(view)).sum(axis=(1, 2)) for head in heads)

@@ -3,12 +3,12 @@ from pathlib import Path
 
 import pytest
 
-DATA = Path(__file__).parents[4] / "shared" / "data"
+DATA = Path(__file__).parents[2] / "shared" / "data"
 
 
 @pytest.fixture
 def shared() -> Callable[[str], Path]:
-    """The path of a real recording that is not part of the project; skips the test where it is absent."""
+    """The path of a real recording or frame that is not part of the project; skips the test where it is absent."""
 
     def path_of(name: str) -> Path:
         path = DATA / name
