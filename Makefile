@@ -2,7 +2,7 @@
 PYTHON ?= python3
 BIN := .venv/bin
 
-.PHONY: setup session test test-all check bench lock clean
+.PHONY: setup session test test-all check bench soak fuzz lock clean
 
 setup: .venv/.ready
 
@@ -30,6 +30,15 @@ check: setup
 
 bench: setup
 	$(BIN)/python -m benchmarks
+
+# One bridge through every fault of the stand-in for Pupil Capture: ten minutes.
+soak: setup
+	$(BIN)/python -m benchmarks.soak
+
+# Linux alone: atheris has wheels for nothing else.
+fuzz: setup
+	$(BIN)/python -m pip install -q --disable-pip-version-check atheris
+	$(BIN)/python tests/fuzz/run.py
 
 lock: setup
 	$(BIN)/pip-compile -q --extra dev --strip-extras --no-emit-index-url --no-emit-trusted-host --no-emit-find-links --no-emit-options --no-header --no-annotate --upgrade -o requirements.lock pyproject.toml

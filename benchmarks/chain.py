@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import time
 
-from tracker_bridge import bridge, wire
+from tracker_bridge import wire
+from tracker_bridge.chain import records_of
+from tracker_bridge.samples import EyeState
 from tracker_bridge.sources import open_source
 from tracker_bridge.sources.simulated import SimulatedSettings
 
@@ -15,10 +17,11 @@ def main() -> None:
     rates = []
     for _ in range(5):
         begun = time.perf_counter()
-        for state, events in bridge.states_of(iter(samples)):
-            wire.encode(state)
-            for event in events:
-                wire.encode(event)
+        for sequence, record in enumerate(records_of(samples)):
+            if isinstance(record, EyeState):
+                wire.encode_state(record)
+            else:
+                wire.encode_event(record, stream=1, sequence=sequence, replay_port=1)
         rates.append(len(samples) / (time.perf_counter() - begun))
     print(f"\nchain: {sorted(rates)[2]:,.0f} samples/s, from samples to encoded states, one core")
 

@@ -1,10 +1,23 @@
 """The processes, and what a person types to start them.
 
-cli.py       the commands, their options and their errors
-settings.py  what a settings file may hold
-process.py   what all processes do alike: logs, signals, ending with their parent
-bridge.py    the bridge process: publishes a source
-worker.py    the pipeline process: renders what the bridge publishes
-session.py   starts both, shows progress, gathers the results
-report.py    what a person looks at afterwards
+cli.py         the program: its commands and its errors
+commands/      one file a command: its options
+options.py     the options that several commands share
+settings.py    what a settings file may hold
+process.py     what all processes do alike: logs, signals, ending with their parent
+eye_data.py    opens the eye data that a command names
+
+bridge.py      the bridge process: publishes a source
+control.py     what a running bridge may be asked to have its tracker do
+keys.py        key files for a bridge that is heard beyond this machine
+capture/       the stand-in for Pupil Capture
+calibrate.py   pupils before white and black screens; calibration_display.py asks for them, calibration_page/ shows
+               them in a browser, calibration_plot.py draws the result
+detect.py      saccades and blinks of a recording; event_scores.py compares them with labels
+
+worker.py      the pipeline process: renders what the bridge publishes
+reader.py      its ear: states; event_feed.py: events, the lost ones too
+results.py     what it leaves behind
+session.py     starts both, shows progress, gathers the results
+report.py      what a person looks at afterwards
 """

@@ -12,9 +12,17 @@ from typing import TextIO
 import msgspec
 import structlog
 
+from services.control import Control
 from services.process import Stop
 from tracker_bridge import bridge
-from tracker_bridge.samples import NS_PER_S, Event, Eye, EyeState, Source
+from tracker_bridge.access import ServerKeys
+from tracker_bridge.chain import Chain, Lane
+from tracker_bridge.events import ClockEstimated, Event, Heartbeat, SaccadeOffset, SaccadeOnset
+from tracker_bridge.publisher import Publisher
+from tracker_bridge.pupil_map import PupilMap
+from tracker_bridge.samples import NS_PER_S, Eye, EyeState, GazeSample, PupilSample
+from tracker_bridge.source import Item, Source
+from tracker_bridge.sources.pupil_recorder import PupilRecorder
 
 STATE_COLUMNS = (
     "sequence",
@@ -24,10 +32,12 @@ STATE_COLUMNS = (
     *(
         f"{eye}_{quantity}"
         for eye in ("right", "left")
-        for quantity in ("phase", "diameter_mm", "measured_mm", "confidence", "openness")
+        for quantity in ("phase", "diameter_mm", "measured_mm", "confidence", "openness", "borrowed")
     ),
 )
-EVENT_COLUMNS = ("t_s", "event", "eye", "duration_ms")
+EVENT_COLUMNS = ("t_s", "event", "eye", "duration_ms", "amplitude_deg", "peak_velocity_deg_s", "detail")
+QUIET = (ClockEstimated, Heartbeat, SaccadeOnset, SaccadeOffset)
+"""Events that come too often for a log."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -36,37 +46,78 @@ class BridgeSettings:
 
     states_address: str
     events_address: str
+    control_address: str
+    keys: ServerKeys | None
+    """Needed to be heard beyond this machine."""
+    lane: Lane
+    pupil_map: PupilMap | None
     real_time: bool
-    """Paced by the recorded time; otherwise as fast as the reader takes it."""
+    """A recording is paced by its recorded time; otherwise it goes as fast as the reader takes it."""
     wait_for_reader: bool
     """Starts when somebody has subscribed to both sockets."""
     seconds: float | None
     tables: Path | None
     """A folder for states.csv and events.csv."""
+    recording: Path | None
+    """A new folder for a recording of Pupil's form."""
 
 
 def run(source: Source, settings: BridgeSettings, stop: Stop, log: structlog.typing.FilteringBoundLogger) -> None:
-    """Publishes the source to its end, or until asked to stop. Raises PortInUseError."""
-    publisher = bridge.Publisher(settings.states_address, settings.events_address)
-    try:
+    """Publishes the source to its end, or until asked to stop.
+
+    Raises PortInUseError, OpenAddressError, or RecordingError where a recording cannot be written.
+    """
+    publisher = Publisher(settings.states_address, settings.events_address, keys=settings.keys)
+    live = source.info.live
+    with contextlib.ExitStack() as opened:
+        opened.callback(publisher.close)
+        control = Control(settings.control_address, source, settings.keys, publisher.context)
+        opened.callback(control.close)
         states_at, events_at = publisher.addresses
-        log.info("ready", source=source.info.name, states=states_at, events=events_at)
-        for note in source.info.notes:
-            log.info("source", note=note)
+        log.info("ready", source=source.info.name, states=states_at, events=events_at, control=control.address)
+        for remark in source.info.notes:
+            log.info("source", note=remark)
+        chain = Chain(live=live, lane=settings.lane, pupil_map=settings.pupil_map)
         if settings.wait_for_reader:
             publisher.wait_for_reader(stop)
-        with _tables(settings.tables, source.info.t_start_ns) as write:
-            count = bridge.run(
-                source,
-                publisher,
-                real_time=settings.real_time,
-                seconds=settings.seconds,
-                stopped=stop,
-                on_state=write,
-            )
-        log.info("ended", states=count, dropped=publisher.dropped)
-    finally:
-        publisher.close()
+        on_item = opened.enter_context(_recording(settings.recording, live))
+        start_ns = source.info.t_start_ns
+        on_record = opened.enter_context(_tables(settings.tables, start_ns))
+
+        def note(record: EyeState | Event) -> None:
+            on_record(record)
+            if live and not isinstance(record, (EyeState, *QUIET)):
+                log.info(type(record).__name__, **msgspec.to_builtins(record))
+
+        count = bridge.run(
+            source,
+            chain,
+            publisher,
+            real_time=settings.real_time,
+            seconds=settings.seconds,
+            stopped=stop,
+            on_item=on_item,
+            on_record=note,
+            between=control.attend,
+        )
+        if not (settings.real_time or live):
+            publisher.wait_until_left(stop)
+        log.info("ended", states=count, stalls=publisher.stalls, late_samples=chain.late_count)
+
+
+@contextlib.contextmanager
+def _recording(folder: Path | None, live: bool) -> Iterator[Callable[[Item], None]]:
+    """Takes items into a recording, or nowhere without a folder."""
+    if folder is None:
+        yield lambda item: None
+        return
+    with PupilRecorder(folder, start_synced_s=None if live else 0.0) as recorder:
+
+        def add(item: Item) -> None:
+            if isinstance(item, PupilSample | GazeSample):
+                recorder.add(item)
+
+        yield add
 
 
 class _Writer:
@@ -75,26 +126,41 @@ class _Writer:
         self._states.writerow(STATE_COLUMNS)
         self._events.writerow(EVENT_COLUMNS)
 
-    def __call__(self, state: EyeState, events: tuple[Event, ...]) -> None:
+    def __call__(self, record: EyeState | Event) -> None:
+        if isinstance(record, EyeState):
+            self._states.writerow(self._state_row(record))
+        elif not isinstance(record, Heartbeat):
+            self._events.writerow(self._event_row(record))
+
+    def _state_row(self, state: EyeState) -> list[object]:
         gaze = state.gaze
         row: list[object] = [state.sequence, self._seconds(state.t_ns)]
         row += ["", ""] if gaze is None else [f"{gaze.azimuth_deg:.4f}", f"{gaze.elevation_deg:.4f}"]
         for one in (state.right, state.left):
             row += [one.phase.value, *(_number(value) for value in (one.diameter_mm, one.measured_mm))]
-            row += [_number(one.confidence), _number(one.openness)]
-        self._states.writerow(row)
-        for event in events:
-            fields = msgspec.structs.asdict(event)
-            eye = fields.get("eye")
-            duration_ns = fields.get("duration_ns")
-            self._events.writerow(
-                [
-                    self._seconds(event.t_ns),
-                    type(event).__name__,
-                    "" if eye is None else Eye(eye).name.lower(),
-                    "" if duration_ns is None else f"{duration_ns * 1e-6:.1f}",
-                ]
-            )
+            row += [_number(one.confidence), _number(one.openness), int(one.borrowed)]
+        return row
+
+    def _event_row(self, event: Event) -> list[object]:
+        fields = msgspec.structs.asdict(event)
+        duration_ns = fields.pop("duration_ns", None)
+        if isinstance(event, SaccadeOffset):
+            duration_ns = event.offset_ns - event.onset_ns
+        eye = fields.pop("eye", None)
+        amplitude, velocity = (fields.pop(name, None) for name in ("amplitude_deg", "peak_velocity_deg_s"))
+        fields.pop("t_ns")
+        for name in ("onset_ns", "offset_ns") if isinstance(event, SaccadeOnset | SaccadeOffset) else ():
+            if name in fields:
+                fields[name.replace("_ns", "_s")] = self._seconds(fields.pop(name))
+        return [
+            self._seconds(event.t_ns),
+            type(event).__name__,
+            "" if eye is None else Eye(eye).name.lower(),
+            "" if duration_ns is None else f"{duration_ns * 1e-6:.1f}",
+            _number(amplitude),
+            _number(velocity),
+            "; ".join(f"{name} {value}" for name, value in fields.items()),
+        ]
 
     def _seconds(self, t_ns: int) -> str:
         return f"{(t_ns - self._start_ns) / NS_PER_S:.6f}"
@@ -105,10 +171,10 @@ def _number(value: float | None) -> str:
 
 
 @contextlib.contextmanager
-def _tables(folder: Path | None, start_ns: int) -> Iterator[Callable[[EyeState, tuple[Event, ...]], None]]:
+def _tables(folder: Path | None, start_ns: int) -> Iterator[Callable[[EyeState | Event], None]]:
     """A writer of states.csv and events.csv, or of nothing without a folder."""
     if folder is None:
-        yield lambda state, events: None
+        yield lambda record: None
         return
     with contextlib.ExitStack() as files:
         states, events = (

@@ -35,8 +35,8 @@ class Save(StrEnum):
 Recording = Annotated[
     str,
     typer.Option(
-        help="Eye data: [b]simulated[/b], a folder recorded by Pupil Capture, an export of Pupil Player, or any "
-        ".csv/.tsv table (see --map)."
+        help="Eye data: [b]simulated[/b], a folder recorded by Pupil Capture, an export of Pupil Player, any "
+        ".csv/.tsv table (see --map), or usb-file:PATH."
     ),
 ]
 TableMap = Annotated[
@@ -75,5 +75,21 @@ SettingsFile = Annotated[
 ]
 SaveOption = Annotated[
     list[Save], typer.Option("--save", help="How perceived frames are kept; may be given more than once.")
+]
+BridgeKeysFolder = Annotated[
+    Path | None,
+    typer.Option(
+        "--keys", metavar="FOLDER", help="Keys of this bridge, from [b]entoptic keys[/b]; needed off loopback."
+    ),
+]
+ClientKeysFolder = Annotated[
+    Path | None,
+    typer.Option(
+        "--keys", metavar="FOLDER", help="Keys of this reader, from [b]entoptic keys[/b], if the bridge has any."
+    ),
+]
+Remote = Annotated[str, typer.Option(help="Where Pupil Remote listens, for [b]capture[/b].")]
+UsbId = Annotated[
+    str | None, typer.Option(metavar="VID:PID", help="Which USB eye tracker; the first one unless given.")
 ]
 Child = Annotated[bool, typer.Option(hidden=True)]

@@ -8,6 +8,7 @@ import os
 import signal
 import sys
 import threading
+from collections.abc import Iterator
 from pathlib import Path
 from types import FrameType
 
@@ -64,6 +65,23 @@ def start_logging(*, as_json: bool) -> structlog.typing.FilteringBoundLogger:
     )
     logger: structlog.typing.FilteringBoundLogger = structlog.get_logger()
     return logger
+
+
+@contextlib.contextmanager
+def process(child: bool) -> Iterator[tuple[Stop, structlog.typing.FilteringBoundLogger]]:
+    """What a process of ours runs in: when to stop, and a log. A child ends with its parent, and tells it why."""
+    stop = Stop().on_signals()
+    if child:
+        stop.with_parent()
+    log = start_logging(as_json=child)
+    try:
+        yield stop, log
+    except Exception as error:
+        if not child:
+            raise
+        # The parent cannot see an exception.
+        log.error("failed", error=str(error) or type(error).__name__)
+        sys.exit(1)
 
 
 def cache_folder() -> Path:

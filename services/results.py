@@ -38,15 +38,27 @@ class Rendered:
     scene_ms: float
 
 
+class Heard(msgspec.Struct, frozen=True):
+    """How well a worker heard its bridge."""
+
+    states_received: int
+    states_skipped: int
+    """Published but not read: by intent in live rendering, lost otherwise."""
+    event_gaps: int
+    """How often events were missing at first."""
+    events_lost: int
+    """Events that could not be had again."""
+    messages_refused: dict[str, int]
+    """By the error's name."""
+
+
 class WorkerSummary(msgspec.Struct, frozen=True):
     """What a worker did."""
 
     frames: int
     dropped_frames: int
     """Frames that live rendering left out rather than fall behind."""
-    states_received: int
-    messages_refused: dict[str, int]
-    """By the error's name."""
+    heard: Heard
     perceived_sha256: str
     """Of all perceived frames' code values, in order."""
     median_ms: dict[str, float]
@@ -159,13 +171,12 @@ class Results:
         others = (rendered.scene_ms, milliseconds["measure"], milliseconds["encode"], total)
         return row + [f"{value:.2f}" for value in others]
 
-    def summary(self, states_received: int, messages_refused: dict[str, int], warm_up_s: float) -> WorkerSummary:
+    def summary(self, heard: Heard, warm_up_s: float) -> WorkerSummary:
         """All of it in figures."""
         return WorkerSummary(
             frames=self._count,
             dropped_frames=self.dropped,
-            states_received=states_received,
-            messages_refused=messages_refused,
+            heard=heard,
             perceived_sha256=self._hash.hexdigest(),
             median_ms={part: round(float(np.median(times)), 2) for part, times in self._milliseconds.items()},
             share_of_frames={effect.value: runs / max(self._count, 1) for effect, runs in self._runs.items()},

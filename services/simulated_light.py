@@ -10,7 +10,7 @@ from pipeline import View
 from pipeline.measure import measure
 from pipeline.scenes import Head, Scene
 from pipeline.scenes.head_path import FollowGaze, Still, open_head_path
-from tracker_bridge.samples import SourceError
+from tracker_bridge.source import SourceError
 from tracker_bridge.wire import Eye
 
 COLUMNS = ("t_s", "cd_m2")

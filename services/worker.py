@@ -16,12 +16,15 @@ from pipeline.scenes.head_path import HeadPath
 from services.options import Save
 from services.process import Stop
 from services.reader import StateReader
-from services.results import Rendered, Results, WorkerSummary
+from services.results import Heard, Rendered, Results, WorkerSummary
 from services.settings import Settings
 from tracker_bridge.wire import NS_PER_S, Direction, Eye, EyeState
 
 FRESH_NS = 100_000_000
 """An eye's own direction of gaze older than this gives way to that of both eyes."""
+GONE_S = 3.0
+"""After so long without a state or a heartbeat a bridge says nothing about the eyes any more. Engineering choice: three
+heartbeats."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -93,7 +96,8 @@ def run(
         if frames is not None and not settings.live:
             # States between the last frame and the end, so that the count of what was received is of all.
             reader.until(start_ns + round(frames / settings.fps * NS_PER_S), stop)
-    return results.summary(reader.received, reader.refused, warm_up_s)
+    heard = Heard(reader.received, reader.skipped, reader.events.gaps, reader.events.lost, reader.refused)
+    return results.summary(heard, warm_up_s)
 
 
 def looking_of(state: EyeState | None, eye: Eye) -> Looking:
@@ -157,7 +161,7 @@ def _live_moments(reader: StateReader, fps: float, start_ns: int, frames: int | 
         wait_s = begun + frame / fps - time.monotonic()
         if wait_s > 0:
             time.sleep(wait_s)
-        state = reader.newest() or state
+        state = reader.newest() or (None if reader.silent_s > GONE_S else state)
         yield _Moment(frame, frame / fps, state, dropped)
         due = max(int((time.monotonic() - begun) * fps), frame + 1)
         dropped, frame = dropped + due - frame - 1, due

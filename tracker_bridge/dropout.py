@@ -1,162 +1,211 @@
-"""Which measured diameters to trust, and what a renderer shows meanwhile.
+"""The live lane: what to show of one pupil, sample by sample, and when it blinked, fell out, or was lost.
 
-Theory of operation: a lid that closes first covers part of the pupil, so the tracker reports, at good confidence, a
-pupil that shrinks faster than any iris can; then it loses the pupil; then the same backwards. So a sample is trusted
-when its confidence is good, its diameter is a pupil's and it has not changed faster than an iris can. When trust
-ends, the diameter held is the one from before the lid came into play (rolled back), not the last one; when it comes
-back, the first samples after it still show the lid and are passed over. No sample is delayed: the filter's latency
-is zero, its price is the roll-back at onset, at most one speed window late.
+Theory of operation: trust.py judges each sample. When a pupil is no longer whole, the diameter held is the one from
+before a lid came into play (rolled back), not the last one; when it comes back, the first samples still show the lid
+and are passed over until it has been whole for a while; absence.py says what the time between is.
+
+Latency: none; no sample is delayed. The price is the roll-back at onset, at most one speed window late. Events carry
+the right times but are told later: BlinkOnset up to absence.MIN_COVER_NS and a sample after the pupil has gone,
+BlinkOffset when the pupil is trusted again, and both together where a lid left the pupil to see (lid_dips.py), when it
+is up again. In silence time passes by `tick`, or else with the next sample.
 """
 
 from __future__ import annotations
 
 import collections
 import dataclasses
+import statistics
 
-from tracker_bridge.samples import (
-    BlinkOffset,
-    BlinkOnset,
-    Event,
-    Phase,
-    PupilBack,
-    PupilLost,
-    PupilSample,
-)
+from tracker_bridge.absence import LOST_AFTER_NS, Absence, Lids
+from tracker_bridge.course import BASELINE_NS, Course
+from tracker_bridge.events import BlinkOffset, BlinkOnset, Event, PupilBack, PupilLost
+from tracker_bridge.lid_dips import LidDips
+from tracker_bridge.openness import estimated_openness
+from tracker_bridge.samples import Eye, Phase, PupilSample
+from tracker_bridge.trust import DIAMETER_RANGE_MM, Gate, Measure, Sight
 
-MIN_CONFIDENCE = 0.6
-"""Half-closed lids pass at 0.6 and above too, hence the speed gate; below it Pupil Capture's diameters are noise."""
-MIN_MODEL_CONFIDENCE = 0.5
-"""Engineering choice: pye3d reports 0.1 for a lost eye model and 0.9–1 for a good one."""
-DIAMETER_RANGE_MM = (1.0, 9.0)
-"""No human pupil lies outside."""
-MAX_SPEED_MM_S = 12.0
-"""A light reflex peaks near 7 mm/s; lids shrink a pupil at 20–100 mm/s. Over a 25 ms window this threw away the least
-good data for the least error around blinks (RMS 0.025 mm against 0.227 mm with confidence alone)."""
-SPEED_WINDOW_NS = 25_000_000
 ROLL_BACK_NS = 50_000_000
-"""How far before the first mistrusted sample the held diameter is taken from."""
-SETTLE_NS = 50_000_000
-"""How long samples must be good again before they are trusted."""
-LOST_AFTER_NS = 500_000_000
+"""How far before the first mistrusted sample the held diameter is taken from. Engineering choice: the gate sees a lid
+up to one speed window, 25 ms, after it has touched the pupil."""
+SILENT_AFTER_NS = 100_000_000
+"""Without any sample for so long a pupil has dropped out. Engineering choice: three samples at 30 Hz."""
+TOUCHED_SHARE = 0.97
+"""Walking back from the first mistrusted sample, the lid came when the pupil was last at this share of what is held.
+Engineering choice: above the noise of a good tracker."""
 SLEW_MM_S = 10.0
-"""How fast the shown diameter moves back to the measured one after a blink: a jump would flicker."""
-CLOSED_OPENNESS = 0.5
-"""A lid over half the eye is a blink, for trackers that measure openness."""
+"""How fast the shown diameter moves back to the measured one after a blink: a jump would flicker. Engineering choice:
+faster than the iris, slower than the eye notices."""
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
 class Shown:
-    """What one sample makes of one eye."""
+    """What one sample, or time that passed without one, makes of one eye."""
 
     phase: Phase
     diameter_mm: float | None
-    """The diameter to render with; None until one was trusted."""
+    """The diameter to render with; None until one was trusted, and for ever where the source has no millimetres."""
     events: tuple[Event, ...]
+    t_ns: int
+    """When it is so."""
+    openness: float | None
+    """0 … 1: as the source gave it, or else estimated from the pupil; None where neither can be."""
 
 
 class DropoutFilter:
     """The filter of one eye: feed it that eye's samples in the order of their time."""
 
     def __init__(self) -> None:
-        self._plausible: collections.deque[tuple[int, float]] = collections.deque()
+        self._gate = Gate()
+        self._lids = Lids()
+        self._dips = LidDips()
+        self._last_offset_ns: int | None = None
         self._trusted: collections.deque[tuple[int, float]] = collections.deque()
         self._phase = Phase.LOST
-        self._held_mm: float | None = None
+        self._absence: Absence | None = None
         self._shown: tuple[int, float] | None = None
         self._catching_up = False
-        self._mistrusted_since_ns: int | None = None
-        self._good_since_ns: int | None = None
-        self._blink_onset_ns: int | None = None
+        self._newest: PupilSample | None = None
+        self._intervals_ns: collections.deque[int] = collections.deque(maxlen=5)
+        self._seen = False
 
     def step(self, sample: PupilSample) -> Shown:
         """The state after one more sample."""
-        diameter_mm = self._trust(sample)
-        if diameter_mm is None:
-            return self._mistrust(sample)
-        return self._track(sample, diameter_mm)
-
-    def _trust(self, sample: PupilSample) -> float | None:
-        """The sample's diameter if it can be believed as it stands."""
-        t_ns, diameter_mm = sample.t_ns, sample.diameter_mm
-        if (
-            diameter_mm is None
-            or sample.confidence < MIN_CONFIDENCE
-            or (sample.model_confidence is not None and sample.model_confidence < MIN_MODEL_CONFIDENCE)
-            or not DIAMETER_RANGE_MM[0] <= diameter_mm <= DIAMETER_RANGE_MM[1]
-        ):
-            self._plausible.clear()
-            self._good_since_ns = None
-            return None
-        while len(self._plausible) > 1 and self._plausible[1][0] <= t_ns - SPEED_WINDOW_NS:
-            self._plausible.popleft()
-        self._plausible.append((t_ns, diameter_mm))
-        then_ns, then_mm = self._plausible[0]
-        # Over less than the window a sample's own noise would look like speed.
-        elapsed_ns = max(t_ns - then_ns, SPEED_WINDOW_NS)
-        if abs(diameter_mm - then_mm) > MAX_SPEED_MM_S * elapsed_ns * 1e-9:
-            self._good_since_ns = None
-            return None
-        if self._good_since_ns is None:
-            self._good_since_ns = t_ns
-        settling = self._mistrusted_since_ns is not None and t_ns - self._good_since_ns < SETTLE_NS
-        return None if settling else diameter_mm
-
-    def _mistrust(self, sample: PupilSample) -> Shown:
         t_ns = sample.t_ns
-        events: list[Event] = []
-        if self._mistrusted_since_ns is None:
-            self._mistrusted_since_ns = t_ns
-            self._held_mm = self._before(t_ns - ROLL_BACK_NS)
-        if self._phase is not Phase.LOST:
-            if self._blink_onset_ns is None and self._lid_shows(sample):
-                self._blink_onset_ns = self._mistrusted_since_ns
-                events.append(BlinkOnset(self._mistrusted_since_ns, sample.eye))
-            if t_ns - self._mistrusted_since_ns >= LOST_AFTER_NS:
-                self._phase = Phase.LOST
-                events.append(PupilLost(t_ns, sample.eye))
-            else:
-                self._phase = Phase.DROPOUT if self._blink_onset_ns is None else Phase.BLINK
-        return Shown(self._phase, self._show(t_ns, self._held_mm), tuple(events))
-
-    def _track(self, sample: PupilSample, diameter_mm: float) -> Shown:
-        t_ns = sample.t_ns
-        events: list[Event] = []
-        if self._mistrusted_since_ns is not None:
+        events = self._pass_time(t_ns)
+        if self._newest is not None:
+            self._intervals_ns.append(t_ns - self._newest.t_ns)
+        self._newest = sample
+        measure = self._gate.measure
+        sight, size = self._gate.judge(sample)
+        if self._gate.measure > measure:
+            # Millimetres after pixels, or the first diameter at all: what was held means nothing now.
             self._trusted.clear()
-            self._catching_up = True
-            if self._blink_onset_ns is not None:
-                events.append(BlinkOffset(t_ns, sample.eye, t_ns - self._blink_onset_ns))
-            if self._phase is Phase.LOST:
-                events.append(PupilBack(t_ns, sample.eye))
-            self._mistrusted_since_ns = self._blink_onset_ns = None
+            if self._absence is not None:
+                self._absence.course = None
+        closed = self._lids.closed(sample.openness)
+        if closed:
+            sight, size = Sight.HIDDEN, None
+        if self._absence is None and sight is not Sight.STEADY:
+            self._absence = self._begin_absence(t_ns, ROLL_BACK_NS)
+        if self._absence is not None:
+            self._absence.add(sample, sight, size, closed, self._interval_ns())
+            if not self._absence.is_over(t_ns):
+                events += self._dipped(sample)
+                events += self._told(self._absence, sample.eye, t_ns)
+                self._phase = self._absence.phase(sight) if self._seen else Phase.LOST
+                return self._as_shown(t_ns, events, sample.openness, size)
+            events += self._end_absence(self._absence, sample)
+        events += self._dipped(sample)
+        self._trust(t_ns, size)
+        return self._as_shown(t_ns, events, sample.openness, size)
+
+    def tick(self, t_ns: int) -> Shown | None:
+        """The state when no sample came until t_ns; None where that changes nothing."""
+        before = self._phase
+        events = self._pass_time(t_ns)
+        return self._as_shown(t_ns, events, None, None) if events or self._phase is not before else None
+
+    def _pass_time(self, t_ns: int) -> list[Event]:
+        """What silence up to t_ns makes of the pupil."""
+        if self._newest is None or t_ns - self._newest.t_ns < SILENT_AFTER_NS:
+            return []
+        if self._absence is None:
+            self._absence = self._begin_absence(self._newest.t_ns, 0)
+        self._absence.fall_silent()
+        events = self._told(self._absence, self._newest.eye, t_ns)
+        self._phase = self._absence.phase(Sight.HIDDEN) if self._seen else Phase.LOST
+        return events
+
+    def _interval_ns(self) -> int:
+        """The source's usual one; its median, since a sample may be missing."""
+        return statistics.median_low(self._intervals_ns) if self._intervals_ns else 0
+
+    def _begin_absence(self, t_ns: int, roll_back_ns: int) -> Absence:
+        before = [(when_ns, size) for when_ns, size in self._trusted if when_ns <= t_ns - roll_back_ns]
+        course = Course(before or [self._trusted[0]]) if self._trusted else None
+        onset_ns = t_ns
+        for when_ns, size in reversed(self._trusted):
+            if course is None or size >= TOUCHED_SHARE * course.at(when_ns):
+                break
+            onset_ns = when_ns
+        # A pupil that was never seen cannot be lost.
+        return Absence(t_ns, onset_ns, course, lost=not self._seen)
+
+    def _told(self, absence: Absence, eye: Eye, t_ns: int) -> list[Event]:
+        """What of an absence has to be told by t_ns and was not yet."""
+        events: list[Event] = []
+        if absence.blink and not absence.blink_told and self._seen:
+            absence.blink_told = True
+            events.append(BlinkOnset(absence.onset_ns, eye))
+        if not absence.lost and t_ns - absence.since_ns >= LOST_AFTER_NS:
+            absence.lost = True
+            events.append(PupilLost(absence.since_ns + LOST_AFTER_NS, eye))
+        return events
+
+    def _dipped(self, sample: PupilSample) -> list[Event]:
+        """A blink that left the pupil to see, and is over."""
+        dip = None if sample.openness is None else self._dips.add(sample.t_ns, sample.openness)
+        if dip is None or not self._seen or (self._absence is not None and self._absence.blink):
+            return []
+        onset_ns, end_ns = dip
+        if self._last_offset_ns is not None and onset_ns <= self._last_offset_ns:
+            return []
+        self._last_offset_ns = end_ns
+        if self._absence is not None:
+            self._absence.onset_ns = max(self._absence.onset_ns, end_ns)
+        return [BlinkOnset(onset_ns, sample.eye), BlinkOffset(end_ns, sample.eye, end_ns - onset_ns)]
+
+    def _end_absence(self, absence: Absence, sample: PupilSample) -> list[Event]:
+        events: list[Event] = []
+        if absence.blink_told:
+            self._last_offset_ns = sample.t_ns
+            events.append(BlinkOffset(sample.t_ns, sample.eye, sample.t_ns - absence.onset_ns))
+        if absence.lost and self._seen:
+            events.append(PupilBack(sample.t_ns, sample.eye))
+        self._absence = None
+        self._trusted.clear()
+        self._catching_up = True
+        return events
+
+    def _trust(self, t_ns: int, size: float | None) -> None:
         self._phase = Phase.TRACKING
-        while len(self._trusted) > 1 and self._trusted[1][0] <= t_ns - ROLL_BACK_NS:
-            self._trusted.popleft()
-        self._trusted.append((t_ns, diameter_mm))
-        self._held_mm = diameter_mm
-        return Shown(self._phase, self._show(t_ns, diameter_mm), tuple(events))
+        self._seen = True
+        if size is not None:
+            while self._trusted and self._trusted[0][0] < t_ns - ROLL_BACK_NS - BASELINE_NS:
+                self._trusted.popleft()
+            self._trusted.append((t_ns, size))
 
-    def _lid_shows(self, sample: PupilSample) -> bool:
-        if sample.openness is not None:
-            return sample.openness < CLOSED_OPENNESS
-        # A plausible diameter that was refused is one that moved too fast; downwards that is a lid.
-        shrinking = len(self._plausible) > 1 and self._plausible[-1][1] < self._plausible[0][1]
-        return shrinking and self._good_since_ns is None
+    def _as_shown(self, t_ns: int, events: list[Event], openness: float | None, size: float | None) -> Shown:
+        if openness is None:
+            openness = self._estimated_openness(t_ns, size)
+        return Shown(self._phase, self._diameter_mm(t_ns), tuple(events), t_ns, openness)
 
-    def _before(self, t_ns: int) -> float | None:
-        """The newest trusted diameter that is no younger than `t_ns`, or the oldest there is."""
-        older = [mm for when_ns, mm in self._trusted if when_ns <= t_ns]
-        if older:
-            return older[-1]
-        return self._trusted[0][1] if self._trusted else self._held_mm
-
-    def _show(self, t_ns: int, target_mm: float | None) -> float | None:
-        if target_mm is None:
+    def _estimated_openness(self, t_ns: int, size: float | None) -> float | None:
+        if self._absence is None:
+            return 1.0 if self._phase is Phase.TRACKING else None
+        if not self._absence.lid or not self._seen:
             return None
-        if self._shown is not None and (self._catching_up or self._mistrusted_since_ns is not None):
+        if size is None or self._absence.course is None:
+            return 0.0
+        whole = self._absence.course.at(t_ns)
+        return estimated_openness(size / whole, whole if self._gate.measure is Measure.MM else None)
+
+    def _diameter_mm(self, t_ns: int) -> float | None:
+        """The diameter measured or supposed, reached at no more than SLEW_MM_S where it would jump."""
+        if self._gate.measure is not Measure.MM:
+            return None
+        if self._absence is None:
+            target_mm: float | None = self._trusted[-1][1]
+        elif self._absence.course is not None:
+            low_mm, high_mm = DIAMETER_RANGE_MM
+            target_mm = min(max(self._absence.course.at(t_ns), low_mm), high_mm)
+        else:
+            target_mm = None
+        if target_mm is not None and self._shown is not None and (self._catching_up or self._absence is not None):
             then_ns, then_mm = self._shown
             step_mm = SLEW_MM_S * (t_ns - then_ns) * 1e-9
             self._catching_up = abs(target_mm - then_mm) > step_mm
             target_mm = min(max(target_mm, then_mm - step_mm), then_mm + step_mm)
-        self._shown = (t_ns, target_mm)
+        if target_mm is not None:
+            self._shown = (t_ns, target_mm)
         return target_mm

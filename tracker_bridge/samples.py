@@ -1,6 +1,6 @@
 """The records that flow from an eye tracker to a renderer, units in every field.
 
-A source yields `PupilSample` and `GazeSample`; the bridge makes `EyeState` snapshots and events of them.
+A source yields `PupilSample` and `GazeSample`; the bridge makes `EyeState` snapshots of them, and events (events.py).
 
 Time is integer nanoseconds of the bridge's clock. Angles are the person's own: azimuth to the right and elevation
 upwards are positive, (0, 0) is straight ahead of the head. Missing data is None or a named phase, never a zero.
@@ -10,8 +10,7 @@ from __future__ import annotations
 
 import enum
 import math
-from collections.abc import Iterator
-from typing import Annotated, Protocol
+from typing import Annotated
 
 import msgspec
 
@@ -20,12 +19,8 @@ NS_PER_S = 1_000_000_000
 Unit = Annotated[float, msgspec.Meta(ge=0.0, le=1.0)]
 AzimuthDeg = Annotated[float, msgspec.Meta(ge=-180.0, le=180.0)]
 ElevationDeg = Annotated[float, msgspec.Meta(ge=-90.0, le=90.0)]
-PositiveMm = Annotated[float, msgspec.Meta(gt=0.0, le=20.0)]
 Count = Annotated[int, msgspec.Meta(ge=0)]
-
-
-class SourceError(Exception):
-    """A source cannot be read: the message names the thing and the remedy."""
+PositiveMm = Annotated[float, msgspec.Meta(gt=0.0, le=20.0)]
 
 
 class Eye(enum.IntEnum):
@@ -40,12 +35,16 @@ class Phase(enum.StrEnum):
 
     TRACKING = "tracking"
     """The diameter is measured and trusted."""
+    CLOSING = "closing"
+    """A lid comes down: it covers part of the pupil, whose outline is still found."""
     BLINK = "blink"
-    """A lid covers the pupil: the tracker says so, or the pupil shrank faster than any iris moves."""
+    """A lid covers the pupil."""
+    OPENING = "opening"
+    """The lid goes up: the pupil's outline is found again, but is not yet trusted."""
     DROPOUT = "dropout"
     """No trusted sample for less than 500 ms, and no sign of a lid."""
     LOST = "lost"
-    """No trusted sample for 500 ms or more, or none yet."""
+    """No trusted sample for 500 ms or more, or none yet; an eye held closed ends here too."""
 
 
 class PupilSample(msgspec.Struct, frozen=True):
@@ -91,13 +90,20 @@ class OneEyeState(msgspec.Struct, frozen=True):
 
     phase: Phase
     diameter_mm: PositiveMm | None
-    """The last trusted diameter, held while the phase is not `tracking`; None until there was one."""
+    """The last trusted diameter; while the phase is not `tracking` it goes on as it went, ever more slowly. None until
+    there was one."""
     measured_mm: float | None
     """The newest diameter as the source gave it, nonsense included, for plots; None where it gave none."""
     confidence: Unit
     openness: Unit | None
+    """0 lid closed … 1 as open as this person has it: as the source gave it, or else estimated from the pupil; None
+    where neither can be."""
     gaze: Direction | None
     """This eye's own direction of gaze; None where the source gives only both eyes' together."""
+    t_ns: int | None = None
+    """When this eye's newest sample was taken: how far apart the two eyes of one state are. None before the first."""
+    borrowed: bool = False
+    """The diameter is the other eye's, with the usual difference between the two, since this eye is lost."""
 
 
 class EyeState(msgspec.Struct, frozen=True):
@@ -111,86 +117,14 @@ class EyeState(msgspec.Struct, frozen=True):
     left: OneEyeState
     gaze: Direction | None
     """Where both eyes together look; None until the source gave a direction."""
+    clock_uncertainty_ns: Count | None = None
+    """How far the source's times may lie off the bridge's clock; None while nobody knows."""
+    lag_ns: Count = 0
+    """How long after its time a state is made: 0 in the live lane, a fixed lag in the recording lane."""
 
     def of(self, eye: Eye) -> OneEyeState:
         """The state of one eye."""
         return self.right if eye is Eye.RIGHT else self.left
-
-
-class BlinkOnset(msgspec.Struct, frozen=True, tag=True):
-    """A lid starts to cover the pupil."""
-
-    t_ns: int
-    eye: Eye
-
-
-class BlinkOffset(msgspec.Struct, frozen=True, tag=True):
-    """The pupil is trusted again after a blink."""
-
-    t_ns: int
-    eye: Eye
-    duration_ns: Count
-
-
-class PupilLost(msgspec.Struct, frozen=True, tag=True):
-    """No trusted sample of this pupil for 500 ms."""
-
-    t_ns: int
-    eye: Eye
-
-
-class PupilBack(msgspec.Struct, frozen=True, tag=True):
-    """A lost pupil is tracked again."""
-
-    t_ns: int
-    eye: Eye
-
-
-class StreamStarted(msgspec.Struct, frozen=True, tag=True):
-    """The first message of a stream."""
-
-    t_ns: int
-    """Time of the source's first sample."""
-    t_end_ns: int | None
-    """Time of the last one, where the source knows."""
-    source: str
-    """What the samples come from, for a person."""
-
-
-class StreamEnded(msgspec.Struct, frozen=True, tag=True):
-    """The last message of a stream."""
-
-    t_ns: int
-    state_count: Count
-    """How many states were published in all."""
-
-
-Event = BlinkOnset | BlinkOffset | PupilLost | PupilBack | StreamStarted | StreamEnded
-
-
-class SourceInfo(msgspec.Struct, frozen=True):
-    """What a source is, found out by opening it."""
-
-    name: str
-    """For a person: "Pupil recording capture_3_6"."""
-    t_start_ns: int
-    t_end_ns: int | None
-    """None for a source that goes on until it is stopped."""
-    notes: tuple[str, ...] = ()
-    """What had to be repaired or assumed on reading, a sentence each."""
-
-
-class Source(Protocol):
-    """Where samples come from."""
-
-    @property
-    def info(self) -> SourceInfo:
-        """What this source is."""
-        ...
-
-    def samples(self) -> Iterator[PupilSample | GazeSample]:
-        """All samples in the order of their time, each time and eye once. May be called again: the same samples."""
-        ...
 
 
 def direction_deg(right: float, up: float, forward: float) -> tuple[float, float]:

@@ -4,7 +4,7 @@ import pytest
 
 from pipeline.scenes import open_scene
 from services import simulated_light
-from tracker_bridge.samples import SourceError
+from tracker_bridge.source import SourceError
 
 
 def test_a_number_is_that_luminance_for_ever() -> None:

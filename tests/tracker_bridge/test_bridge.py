@@ -1,170 +1,131 @@
-"""The chain of samples to states, and the sockets they leave by."""
+"""The loop: what it publishes, when, and what it does meanwhile."""
 
 import threading
 import time
 from collections.abc import Iterator
 
-import pytest
-import zmq
-
-from services.reader import BridgeSilentError, StateReader
-from tracker_bridge import bridge, wire
-from tracker_bridge.samples import (
-    Eye,
-    EyeState,
-    GazeSample,
-    Phase,
-    PupilSample,
-    SourceInfo,
-)
+from services.reader import StateReader
+from tracker_bridge import bridge
+from tracker_bridge.chain import Chain
+from tracker_bridge.events import BlinkOnset, Event, SourceSilent, StreamEnded, StreamStarted
+from tracker_bridge.publisher import Publisher
+from tracker_bridge.samples import Eye, EyeState, GazeSample, PupilSample
+from tracker_bridge.source import Item, SourceInfo, Tick
 
 MS = 1_000_000
 
 
-class Samples:
-    """A source of samples made up by a test."""
+class MadeUp:
+    """A source of items made up by a test."""
 
-    def __init__(self, samples: list[PupilSample | GazeSample]) -> None:
-        self._samples = samples
-        self.info = SourceInfo("made up", samples[0].t_ns, samples[-1].t_ns)
+    def __init__(self, items: list[Item], *, live: bool = False) -> None:
+        self._items = items
+        self.closed = False
+        self.info = SourceInfo("made up", items[0].t_ns, None if live else items[-1].t_ns, live=live)
 
-    def samples(self) -> Iterator[PupilSample | GazeSample]:
-        return iter(self._samples)
+    def samples(self) -> Iterator[Item]:
+        try:
+            yield from self._items
+        finally:
+            self.closed = True
 
 
 def never() -> bool:
     return False
 
 
-def both_eyes(count: int) -> list[PupilSample | GazeSample]:
-    made: list[PupilSample | GazeSample] = []
+def both_eyes(count: int) -> list[Item]:
+    made: list[Item] = []
     for k in range(count):
         made += [PupilSample(k * 5 * MS, eye, 4.0, 1.0) for eye in Eye]
         made.append(GazeSample(k * 5 * MS, None, k % 10, -1.0, 0.9))
     return made
 
 
-def test_one_state_a_moment_with_everything_of_that_moment() -> None:
-    states = [state for state, _ in bridge.states_of(iter(both_eyes(20)))]
-    assert [state.sequence for state in states] == list(range(20))
-    assert [state.t_ns for state in states] == [k * 5 * MS for k in range(20)]
-    last = states[-1]
-    assert last.left.phase is last.right.phase is Phase.TRACKING
-    assert last.gaze is not None
-    assert (last.gaze.azimuth_deg, last.gaze.elevation_deg) == (9, -1)
+def published(source: MadeUp, **options: object) -> list[EyeState | Event]:
+    """All that the loop published of a source, nobody listening."""
+    publisher = Publisher("tcp://127.0.0.1:*", "tcp://127.0.0.1:*")
+    records: list[EyeState | Event] = []
+    given = {"real_time": False, "seconds": None, "stopped": never, "on_record": records.append} | options
+    bridge.run(source, Chain(live=source.info.live), publisher, **given)
+    publisher.close()
+    return records
 
 
-def test_before_an_eye_is_seen_it_is_lost_and_without_a_diameter() -> None:
-    (state, _) = next(bridge.states_of(iter([GazeSample(0, None, 1.0, 1.0, 1.0)])))
-    assert state.left.phase is Phase.LOST
-    assert state.left.diameter_mm is None
-    assert state.gaze is not None
+def test_a_stream_begins_and_ends_with_a_word() -> None:
+    first, *states, last = published(MadeUp(both_eyes(10)))
+    assert first == StreamStarted(0, 45 * MS, "made up")
+    assert [state.sequence for state in states if isinstance(state, EyeState)] == list(range(10))
+    assert last == StreamEnded(45 * MS, 10)
 
 
-def test_gaze_of_both_eyes_is_the_mean_of_the_fresh_ones() -> None:
-    samples: list[PupilSample | GazeSample] = [
-        GazeSample(0, Eye.LEFT, 4.0, 0.0, 1.0),
-        GazeSample(0, Eye.RIGHT, 2.0, 2.0, 1.0),
-        GazeSample(100 * MS, Eye.LEFT, 8.0, 0.0, 1.0),
-        GazeSample(101 * MS, Eye.RIGHT, 50.0, 0.0, 0.1),
-    ]
-    gazes = [state.gaze for state, _ in bridge.states_of(iter(samples))]
-    assert [(gaze.azimuth_deg, gaze.elevation_deg) for gaze in gazes if gaze] == [(3.0, 1.0), (8.0, 0.0), (8.0, 0.0)]
+def test_it_ends_when_so_many_seconds_of_the_recording_are_over() -> None:
+    source = MadeUp(both_eyes(100))
+    *_, last = published(source, seconds=0.1)
+    assert last == StreamEnded(100 * MS, 21)
+    assert source.closed
 
 
-def test_the_chain_is_the_same_to_the_bit_twice() -> None:
-    samples = both_eyes(200)
-    first, second = ([wire.encode(state) for state, _ in bridge.states_of(iter(samples))] for _ in range(2))
-    assert first == second
+def test_it_ends_when_it_is_asked_to_and_frees_the_source() -> None:
+    source = MadeUp(both_eyes(100))
+    taken: list[Item] = []
+    published(source, on_item=taken.append, stopped=lambda: len(taken) > 30)
+    assert len(taken) == 31
+    assert source.closed
 
 
-def publish(source: Samples, publisher: bridge.Publisher, *, real_time: bool = False) -> threading.Thread:
+def test_in_real_time_states_leave_when_their_time_has_come() -> None:
+    begun = time.monotonic()
+    published(MadeUp(both_eyes(41)), real_time=True)
+    assert time.monotonic() - begun >= 0.2
+
+
+def test_a_source_s_events_go_out_in_their_place() -> None:
+    now_ns = time.monotonic_ns()
+    silent = SourceSilent(now_ns, "unplugged")
+    items: list[Item] = [PupilSample(now_ns, Eye.LEFT, 4.0, 1.0), Tick(now_ns), silent, Tick(now_ns + MS)]
+    _, state, event, _ = published(MadeUp(items, live=True))
+    assert isinstance(state, EyeState)
+    assert event == silent
+
+
+def test_between_items_others_get_their_turn() -> None:
+    turns = []
+    published(MadeUp(both_eyes(5)), between=lambda: turns.append(1))
+    assert len(turns) == 15
+
+
+def test_a_reader_by_recorded_time_gets_every_state_and_every_event() -> None:
+    items = both_eyes(3000)
+    for k, item in enumerate(items):  # a blink each second
+        if isinstance(item, PupilSample) and item.t_ns % (1000 * MS) < 150 * MS:
+            items[k] = PupilSample(item.t_ns, item.eye, None, 0.0, openness=0.0)
+    publisher = Publisher("tcp://127.0.0.1:*", "tcp://127.0.0.1:*")
+    reader = StateReader(*publisher.addresses, newest_only=False)
+    told: list[Event] = []
+
     def work() -> None:
         publisher.wait_for_reader(never)
         bridge.run(
-            source, publisher, real_time=real_time, seconds=None, stopped=never, on_state=lambda state, events: None
+            MadeUp(items),
+            Chain(),
+            publisher,
+            real_time=False,
+            seconds=None,
+            stopped=never,
+            on_record=lambda record: None if isinstance(record, EyeState) else told.append(record),
         )
+        publisher.wait_until_left(never)
         publisher.close()
 
     thread = threading.Thread(target=work, daemon=True)
     thread.start()
-    return thread
-
-
-def test_a_slow_reader_by_recorded_time_gets_every_state() -> None:
-    source = Samples(both_eyes(5000))
-    publisher = bridge.Publisher("tcp://127.0.0.1:*", "tcp://127.0.0.1:*")
-    reader = StateReader(*publisher.addresses, newest_only=False)
-    thread = publish(source, publisher)
-    started = reader.wait_for_start(never)
-    assert started is not None
-    assert (started.t_ns, started.t_end_ns) == (0, 4999 * 5 * MS)
-    newest = []
-    for frame in range(0, 25_000, 40):
-        state = reader.until(frame * MS, never)
-        newest.append(None if state is None else state.t_ns // MS)
-        if frame == 4000:
-            time.sleep(0.5)  # long enough for the publisher to run into the reader's full queue
-    assert newest == list(range(0, 25_000, 40))
-    assert reader.until(10**12, never) is not None
-    assert reader.received == 5000
-    assert reader.ended is not None
-    assert reader.ended.state_count == 5000
-    thread.join(10)
-    reader.close()
-
-
-def test_a_reader_of_the_newest_sees_the_newest_and_the_end() -> None:
-    publisher = bridge.Publisher("tcp://127.0.0.1:*", "tcp://127.0.0.1:*")
-    reader = StateReader(*publisher.addresses, newest_only=True)
-    thread = publish(Samples(both_eyes(3000)), publisher)
     assert reader.wait_for_start(never) is not None
+    seen = [reader.until(frame * 40 * MS, never) for frame in range(375)]
+    assert [state.t_ns for state in seen if state] == [frame * 40 * MS for frame in range(375)]
+    assert reader.until(10**12, never) is not None
+    assert reader.received == 3000
+    reader.close()
     thread.join(10)
-    last: EyeState | None = None
-    for _ in range(200):
-        last = reader.newest() or last
-        if reader.ended is not None and last is not None and last.sequence == 2999:
-            break
-        time.sleep(0.02)
-    assert last is not None
-    assert last.sequence == 2999
-    assert reader.ended is not None
-    reader.close()
-
-
-def test_garbage_on_the_socket_is_counted_and_lived_through() -> None:
-    context: zmq.Context[zmq.Socket[bytes]] = zmq.Context()
-    context.setsockopt(zmq.LINGER, 0)
-    states, events = (context.socket(zmq.XPUB) for _ in range(2))
-    for socket in (states, events):
-        socket.bind("tcp://127.0.0.1:*")
-    reader = StateReader(
-        *(socket.getsockopt_string(zmq.LAST_ENDPOINT) for socket in (states, events)), newest_only=False
-    )
-    reader.subscribe()
-    for socket in (states, events):
-        assert socket.poll(5000)
-        socket.recv()
-    good = next(bridge.states_of(iter(both_eyes(1))))[0]
-    for message in (b"", b"\xc1", b"\x81\xa1a\x01", wire.encode(good)[:-3], wire.encode(good)):
-        states.send(message)
-    events.send(b"\x6enoise")
-    events.send(wire.encode(wire.StreamEnded(0, 5)))
-    assert reader.until(0, never) == good
-    assert reader.refused == {"TruncatedMessageError": 3, "ForeignMessageError": 2}
-    reader.close()
-    context.destroy(linger=0)
-
-
-def test_a_port_in_use_is_named_with_the_remedy() -> None:
-    publisher = bridge.Publisher("tcp://127.0.0.1:*", "tcp://127.0.0.1:*")
-    with pytest.raises(bridge.PortInUseError, match=r"choose another port"):
-        bridge.Publisher(publisher.addresses[0], "tcp://127.0.0.1:*")
-    publisher.close()
-
-
-def test_a_bridge_that_says_nothing_is_named() -> None:
-    reader = StateReader("tcp://127.0.0.1:1", "tcp://127.0.0.1:2", newest_only=False)
-    with pytest.raises(BridgeSilentError, match=r"127\.0\.0\.1:1"):
-        reader.wait_for_start(never, patience_s=0.3)
-    reader.close()
+    assert not thread.is_alive()
+    assert sum(isinstance(event, BlinkOnset) for event in told) >= 26

@@ -5,10 +5,23 @@ player_export.py  tables that Pupil Player exports
 table.py          any other table, by a column map
 table_map.py      column maps: their keys, their files; those that come with the program lie in maps/
 simulated.py      a simulated pair of eyes, labelled
+simulated_live.py the same at the pace of time, before a light that is set while it runs
+pupil_capture.py  Pupil Capture or Service, live over its Network API
+usb.py            a USB (HID) eye tracker, live
+usb_simulated.py  its twin: a pyusb backend that plays a recording as such a device
+usb_file.py       what a USB tracker once sent
 
+pupil_bus.py      a message off Capture's data port, to samples and events
+pupil_remote.py   what may be asked of Pupil Remote, and its answers
+pupil_link.py     the two threads and sockets between
+pupil_tasks.py    what Capture was told to do, until it reports
 pupil_datum.py    one pupil or gaze datum of Pupil Core, from bytes to samples
 pupil_streams.py  a whole session of such datums, as a source
 pupil_writer.py   the other way: samples as a recording of Pupil Core
+pupil_recorder.py the same while they come, so that a crash costs next to nothing
+pupil_form.py     samples as Pupil Core's datums, for both
+hid_*.py          HID: report descriptors, reports, and what an eye tracker's mean
+usb_*.py          parts of the USB trackers: device, packets, faults, captures, remedies
 cells.py          text tables, with errors that name line and column
 loaded.py         samples in order of time, each time and eye once
 simulated_*.py    the simulation's parts: gaze, lids, pupil, tracker, truth
@@ -18,10 +31,13 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from tracker_bridge.samples import Source, SourceError
+import msgspec
+
+from tracker_bridge.source import Source, SourceError
 from tracker_bridge.sources import player_export, recording
 from tracker_bridge.sources.cells import read_header
 from tracker_bridge.sources.player_export import is_player_export, open_player_export
+from tracker_bridge.sources.pupil_remote import DEFAULT_REMOTE
 from tracker_bridge.sources.recording import open_recording
 from tracker_bridge.sources.simulated import SimulatedEyes, SimulatedSettings
 from tracker_bridge.sources.table import open_table
@@ -30,10 +46,35 @@ from tracker_bridge.sources.table_map import read_table_map
 SIMULATED = "simulated"
 
 
-def open_source(spec: str, *, table_map: Path | None = None, simulated: SimulatedSettings | None = None) -> Source:
+CAPTURE = "capture"
+USB, USB_SIMULATED, USB_FILE = "usb", "usb-simulated:", "usb-file:"
+
+
+class TrackerSettings(msgspec.Struct, frozen=True, kw_only=True):
+    """How live trackers are reached."""
+
+    remote: str = DEFAULT_REMOTE
+    """Where Pupil Remote listens."""
+    usb_id: str | None = None
+    """VID:PID of the USB tracker; the first one unless given."""
+    usb_faults: tuple[str, ...] = ()
+    """What goes wrong with a simulated USB tracker; see usb_faults.py."""
+    record_raw: Path | None = None
+    """A new file for all that a USB tracker sends."""
+
+
+def open_source(
+    spec: str,
+    *,
+    table_map: Path | None = None,
+    simulated: SimulatedSettings | None = None,
+    tracker: TrackerSettings | None = None,
+) -> Source:
     """The source that `spec` names.
 
-    "simulated" is a simulated pair of eyes, with the settings given. Anything else is a path: to a folder recorded by
+    "capture" is Pupil Capture and "usb" a USB eye tracker, both live; "usb-simulated:SPEC" plays any recording as such
+    a tracker, and "usb-file:PATH" what one once sent. "simulated" is a simulated pair of eyes, with the settings given.
+    Anything else is a path: to a folder recorded by
     Pupil Capture or one of its .pldata files, to a folder of Pupil Player's exports or one of its tables, or to any
     other .csv, .tsv or .txt table. A table is read by `table_map`, or else by the first map that comes with the
     program and fits.
@@ -41,6 +82,9 @@ def open_source(spec: str, *, table_map: Path | None = None, simulated: Simulate
     Raises SourceError that names the thing and the remedy, also where a setting is out of range or an option does not
     go with the source.
     """
+    live = _open_tracker(spec, table_map, simulated, tracker or TrackerSettings())
+    if live is not None:
+        return live
     if spec == SIMULATED:
         if table_map is not None:
             raise SourceError("a simulated eye takes no column map: leave the map out, or name a table")
@@ -66,6 +110,37 @@ def open_source(spec: str, *, table_map: Path | None = None, simulated: Simulate
             return open_player_export(path)
         return open_table(path)
     raise SourceError(f"{path} is of no kind that can be read: name a folder, a .pldata file, or a .csv or .tsv table")
+
+
+def _open_tracker(
+    spec: str, table_map: Path | None, simulated: SimulatedSettings | None, tracker: TrackerSettings
+) -> Source | None:
+    """A tracker, or what one sent; None where `spec` names neither."""
+    is_usb = spec == USB or spec.startswith(USB_SIMULATED)
+    if tracker.record_raw is not None and not is_usb:
+        raise SourceError(f"{spec} sends no USB packets that could be recorded: leave --record-raw out")
+    if tracker.usb_faults and not spec.startswith(USB_SIMULATED):
+        raise SourceError(f"only a simulated tracker has faults: name {USB_SIMULATED}{spec}, or leave them out")
+    if table_map is not None and (spec in (CAPTURE, USB) or spec.startswith(USB_FILE)):
+        raise SourceError(f"{spec} takes no column map: leave the map out, or name a table")
+    if spec == CAPTURE:
+        from tracker_bridge.sources.pupil_capture import PupilCapture
+
+        return PupilCapture(tracker.remote)
+    if spec == USB:
+        from tracker_bridge.sources.usb import UsbTracker
+
+        return UsbTracker(tracker.usb_id, capture=tracker.record_raw)
+    if spec.startswith(USB_SIMULATED):
+        from tracker_bridge.sources.usb_simulated import open_usb_simulated
+
+        played = open_source(spec.removeprefix(USB_SIMULATED), table_map=table_map, simulated=simulated)
+        return open_usb_simulated(played, tracker.usb_faults, capture=tracker.record_raw)
+    if spec.startswith(USB_FILE):
+        from tracker_bridge.sources.usb_file import open_usb_file
+
+        return open_usb_file(Path(spec.removeprefix(USB_FILE)))
+    return None
 
 
 def _holds(folder: Path, *names: str) -> bool:

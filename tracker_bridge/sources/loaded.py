@@ -8,7 +8,8 @@ from typing import TypeVar
 
 import msgspec
 
-from tracker_bridge.samples import GazeSample, PupilSample, SourceError, SourceInfo
+from tracker_bridge.samples import GazeSample, PupilSample
+from tracker_bridge.source import SourceError, SourceInfo
 
 Sample = PupilSample | GazeSample
 OneKind = TypeVar("OneKind", PupilSample, GazeSample)

@@ -9,7 +9,8 @@ from __future__ import annotations
 import math
 from pathlib import Path
 
-from tracker_bridge.samples import Eye, SourceError
+from tracker_bridge.samples import Eye
+from tracker_bridge.source import SourceError
 from tracker_bridge.sources.cells import Row, read_table
 from tracker_bridge.sources.loaded import LoadedSource
 from tracker_bridge.sources.pupil_datum import TIME_LIMIT_S, Circle3d, GazeDatum, PupilDatum, Vector

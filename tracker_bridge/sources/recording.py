@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import msgpack  # type: ignore[import-untyped]  # ships no types
 
-from tracker_bridge.samples import SourceError
+from tracker_bridge.source import SourceError
 from tracker_bridge.sources.loaded import LoadedSource
 from tracker_bridge.sources.pupil_datum import PupilDatum, base_pupils, decode_gaze, decode_pupil
 from tracker_bridge.sources.pupil_streams import Gaze, assemble

@@ -14,7 +14,8 @@ from typing import Annotated
 import msgspec
 import numpy as np
 
-from tracker_bridge.samples import NS_PER_S, Eye, GazeSample, PupilSample, SourceError, SourceInfo
+from tracker_bridge.samples import NS_PER_S, Eye, GazeSample, PupilSample
+from tracker_bridge.source import SourceError, SourceInfo
 from tracker_bridge.sources.simulated_gaze import draw_movements, drift_deg, positions_deg
 from tracker_bridge.sources.simulated_lid import draw_blinks, openness_at
 from tracker_bridge.sources.simulated_pupil import STEP_S, light_reflex_mm, with_hippus_mm

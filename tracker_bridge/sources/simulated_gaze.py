@@ -8,7 +8,6 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal import lfilter
 
 from tracker_bridge.sources.simulated_lid import Blink
 
@@ -161,6 +160,8 @@ def drift_deg(rng: np.random.Generator, count: int, step_s: float, wander_deg: f
 
     Its standard deviation is wander_deg per axis, all but the 2 % that the smoothing takes.
     """
+    from scipy.signal import lfilter  # takes a second to import, and every command opens sources
+
     keep, smooth = math.exp(-step_s / _DRIFT_S), math.exp(-step_s / _DRIFT_SMOOTHING_S)
     kicks = rng.normal(0.0, wander_deg * math.sqrt(1.0 - keep**2), (2, count))
     walk = lfilter([1.0], [1.0, -keep], kicks)

@@ -8,6 +8,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from tracker_bridge.openness import FISSURE_MM, PUPIL_HEIGHT_MM
+
 Floats = NDArray[np.float64]
 
 DURATION_S = (0.3, 0.4)
@@ -19,11 +21,6 @@ al. 2003, J. Neurophysiol. 89, 2784); the exact shares are an engineering choice
 
 _SHORTEST_GAP_S = 0.6
 """From the end of one blink to the next. Engineering choice: the pupil is trusted for a while between any two."""
-
-_FISSURE_MM = 10.0
-_PUPIL_HEIGHT_MM = 5.0
-"""Height of the open lids' gap, and of the pupil's centre in it: the light reflex lies 4–5 mm below the upper lid's
-edge in healthy adults (the "margin reflex distance" of eyelid surgery)."""
 
 
 class Blink(NamedTuple):
@@ -68,7 +65,7 @@ def openness_at(t_s: Floats, blinks: Sequence[Blink]) -> Floats:
 
 def visible_height(openness: Floats, diameter_mm: Floats) -> Floats:
     """The share of the pupil's height that the upper lid leaves to see, 0 … 1."""
-    below_lid_mm = openness * _FISSURE_MM - _PUPIL_HEIGHT_MM + diameter_mm / 2
+    below_lid_mm = openness * FISSURE_MM - PUPIL_HEIGHT_MM + diameter_mm / 2
     return np.clip(below_lid_mm / diameter_mm, 0.0, 1.0)
 
 

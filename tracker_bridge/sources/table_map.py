@@ -35,7 +35,7 @@ from typing import Annotated, Literal
 
 import msgspec
 
-from tracker_bridge.samples import SourceError
+from tracker_bridge.source import SourceError
 from tracker_bridge.sources.cells import MISSING
 
 Sign = Literal[1, -1]

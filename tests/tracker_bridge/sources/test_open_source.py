@@ -2,7 +2,7 @@ from pathlib import Path
 
 import pytest
 
-from tracker_bridge.samples import SourceError
+from tracker_bridge.source import SourceError
 from tracker_bridge.sources import open_source
 from tracker_bridge.sources.pupil_writer import write_recording
 from tracker_bridge.sources.simulated import SimulatedSettings

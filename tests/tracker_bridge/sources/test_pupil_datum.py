@@ -10,7 +10,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from tracker_bridge.samples import Eye, GazeSample, PupilSample, SourceError
+from tracker_bridge.samples import Eye, GazeSample, PupilSample
+from tracker_bridge.source import SourceError
 from tracker_bridge.sources.pupil_datum import (
     base_pupils,
     decode_gaze,

@@ -12,7 +12,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from tracker_bridge.samples import Eye, GazeSample, PupilSample, Source, SourceError, SourceInfo
+from tracker_bridge.samples import Eye, GazeSample, PupilSample
+from tracker_bridge.source import Source, SourceError, SourceInfo
 from tracker_bridge.sources.loaded import LoadedSource, Sample, sort_key
 from tracker_bridge.sources.pupil_writer import write_recording
 from tracker_bridge.sources.recording import open_recording
@@ -69,13 +70,13 @@ def test_a_simulated_recording_reads_back_the_same(tmp_path: Path) -> None:
     assert source.info.name == "Pupil recording one"
 
 
-@settings(deadline=None)
+@settings(deadline=None, max_examples=30)  # each example is a whole recording on the disk
 @given(st.lists(pupils | gazes, min_size=1, max_size=12, unique_by=sort_key))
 def test_any_samples_read_back_the_same(samples: list[Sample]) -> None:
     assert_same(sorted(samples, key=sort_key), there_and_back(samples))
 
 
-@settings(deadline=None)
+@settings(deadline=None, max_examples=30)  # each example is a whole recording on the disk
 @given(st.sets(st.sampled_from([None, *Eye]), min_size=1), st.lists(unit, min_size=3, max_size=3), side, side, times)
 def test_any_directions_of_one_time_read_back_the_same(
     eyes: set[Eye | None], confidences: list[float], azimuth: float, elevation: float, t_ns: int
@@ -86,7 +87,7 @@ def test_any_directions_of_one_time_read_back_the_same(
     assert_same(sorted(samples, key=sort_key), there_and_back(samples))
 
 
-@settings(deadline=None)
+@settings(deadline=None, max_examples=30)  # each example is a whole recording on the disk
 @given(st.integers(ELEVEN_DAYS_NS, HUNDRED_YEARS_NS))
 def test_times_of_a_clock_since_1970_come_back_within_a_microsecond(t_ns: int) -> None:
     samples: list[Sample] = [PupilSample(t_ns, Eye.LEFT, 4.0, 1.0, 1.0, 20.0)]
@@ -105,7 +106,7 @@ def test_pupils_without_gaze_get_none(tmp_path: Path) -> None:
 
 
 def test_without_the_gaze_file_the_eye_cameras_show_the_same_movements(tmp_path: Path) -> None:
-    eyes = SimulatedEyes(SimulatedSettings(seconds=30.0, blinks_per_minute=0.0))
+    eyes = SimulatedEyes(SimulatedSettings(seconds=30.0, rate_hz=60.0, blinks_per_minute=0.0))
     write_recording(eyes, tmp_path / "a")
     (tmp_path / "a" / "gaze.pldata").unlink()
     source = open_recording(tmp_path / "a")

@@ -9,7 +9,8 @@ import msgspec
 import numpy as np
 import pytest
 
-from tracker_bridge.samples import Eye, GazeSample, PupilSample, SourceError
+from tracker_bridge.samples import Eye, GazeSample, PupilSample
+from tracker_bridge.source import SourceError
 from tracker_bridge.sources.simulated import SimulatedEyes, SimulatedSettings
 from tracker_bridge.sources.simulated_gaze import MAIN_SEQUENCE_DEG_S, Movement, positions_deg
 from tracker_bridge.sources.simulated_lid import Blink, draw_blinks, openness_at, visible_area, visible_height

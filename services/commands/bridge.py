@@ -1,0 +1,88 @@
+"""`entoptic bridge`: publishes a person's eyes."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from services.eye_data import open_eyes
+from services.options import BridgeKeysFolder, Child, Pace, Remote, Seconds, Seed, TableMap, UsbId
+from services.process import process
+from tracker_bridge.chain import Lane
+from tracker_bridge.sources.pupil_remote import DEFAULT_REMOTE
+
+
+def bridge(
+    source: Annotated[
+        str,
+        typer.Option(
+            help="Eye data, as --recording of [b]entoptic session[/b]; or live: [b]capture[/b], [b]usb[/b], "
+            "usb-simulated:RECORDING."
+        ),
+    ] = "simulated",
+    table_map: TableMap = None,
+    remote: Remote = DEFAULT_REMOTE,
+    usb_id: UsbId = None,
+    record_raw: Annotated[
+        Path | None, typer.Option(help="File for all that a USB tracker sends; usb-file:PATH plays it.")
+    ] = None,
+    usb_fault: Annotated[
+        list[str] | None, typer.Option(help="What goes wrong with a simulated USB tracker, like unplug@5s:2s.")
+    ] = None,
+    states: Annotated[
+        str, typer.Option(help="Where eye states are published; * for a free port.")
+    ] = "tcp://127.0.0.1:*",
+    events: Annotated[str, typer.Option(help="Where events are published; * for a free port.")] = "tcp://127.0.0.1:*",
+    control: Annotated[
+        str, typer.Option(help="Where [b]entoptic tell[/b] reaches this bridge; * for a free port.")
+    ] = "tcp://127.0.0.1:*",
+    keys: BridgeKeysFolder = None,
+    lane: Annotated[
+        Lane, typer.Option(help="States at once, or 50 ms later with blinks cut out more finely.")
+    ] = Lane.LIVE,
+    pupil_map: Annotated[Path | None, typer.Option(help="What diameters mean, from [b]entoptic calibrate[/b].")] = None,
+    record: Annotated[
+        Path | None, typer.Option(help="New folder for a recording of Pupil's form; survives a crash.")
+    ] = None,
+    pace: Annotated[
+        Pace, typer.Option(help="By the recorded time, or as fast as the reader takes it.")
+    ] = Pace.RECORDED,
+    wait: Annotated[bool, typer.Option("--wait", help="Start when a reader has subscribed.")] = False,
+    seconds: Seconds = None,
+    seed: Seed = 0,
+    luminance: Annotated[
+        str | None, typer.Option(help="Light before a simulated eye: cd/m², or a CSV file t_s,cd_m2.")
+    ] = None,
+    tables: Annotated[Path | None, typer.Option(help="Folder for states.csv and events.csv.")] = None,
+    child: Child = False,
+) -> None:
+    """Publish a person's eyes: states at sample rate on one socket, events on another."""
+    from services import bridge as bridges
+    from services import keys as key_files
+    from tracker_bridge import pupil_map as pupil_maps
+    from tracker_bridge.sources import TrackerSettings
+
+    with process(child) as (stop, log):
+        tracker = TrackerSettings(
+            remote=remote, usb_id=usb_id, usb_faults=tuple(usb_fault or ()), record_raw=record_raw
+        )
+        bridges.run(
+            open_eyes(source, table_map, seconds, seed, luminance, tracker),
+            bridges.BridgeSettings(
+                states_address=states,
+                events_address=events,
+                control_address=control,
+                keys=None if keys is None else key_files.load_server(keys),
+                lane=lane,
+                pupil_map=None if pupil_map is None else pupil_maps.read(pupil_map),
+                real_time=pace is Pace.RECORDED,
+                wait_for_reader=wait or pace is Pace.READER,
+                seconds=seconds,
+                tables=tables,
+                recording=record,
+            ),
+            stop,
+            log,
+        )

@@ -1,0 +1,231 @@
+"""`entoptic calibrate`: how far a person's pupils close and open."""
+
+from __future__ import annotations
+
+import enum
+import functools
+from contextlib import ExitStack
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+from rich.markup import escape
+from rich.progress import BarColumn, Progress, TaskID, TextColumn, TimeRemainingColumn
+from rich.table import Table
+
+from services.eye_data import open_eyes
+from services.options import Remote, Seed, TableMap, UsbId
+from services.process import Stop
+from services.terminal import console
+from tracker_bridge.sources.pupil_remote import DEFAULT_REMOTE
+
+if TYPE_CHECKING:
+    from services.calibrate import Attempt
+    from tracker_bridge.calibration import Calibration
+    from tracker_bridge.pupil_map import PupilMap
+
+
+class ProtocolName(enum.StrEnum):
+    """Which screens."""
+
+    ROBUST = "robust"
+    LUIDOLT = "luidolt"
+
+
+class DisplayKind(enum.StrEnum):
+    """Where the screens are shown."""
+
+    BROWSER = "browser"
+    SOCKET = "socket"
+
+
+class CalibratedEyes(enum.StrEnum):
+    """Which eyes must succeed."""
+
+    BOTH = "both"
+    LEFT = "left"
+    RIGHT = "right"
+
+
+def calibrate(
+    source: Annotated[str, typer.Option(help="Eye data, as --source of [b]entoptic bridge[/b].")] = "simulated",
+    table_map: TableMap = None,
+    remote: Remote = DEFAULT_REMOTE,
+    usb_id: UsbId = None,
+    out: Annotated[Path, typer.Option(help="The pupil map to write; its plot lies beside it.")] = Path("pupil.toml"),
+    protocol: Annotated[
+        ProtocolName, typer.Option(help="White, black, white, medians; or the thesis's black, white, means.")
+    ] = ProtocolName.ROBUST,
+    display: Annotated[
+        DisplayKind, typer.Option(help="A page in a browser, or your own program on two ZeroMQ sockets.")
+    ] = DisplayKind.BROWSER,
+    host: Annotated[str, typer.Option(help="Where the page is served; 0.0.0.0 for other machines.")] = "127.0.0.1",
+    port: Annotated[int, typer.Option(min=0, max=65535, help="Of the page; 0 for any.")] = 8720,
+    commands: Annotated[str, typer.Option(help="Where screens are asked for (PUB).")] = "tcp://127.0.0.1:*",
+    answers: Annotated[str, typer.Option(help="Where displays answer (PULL).")] = "tcp://127.0.0.1:*",
+    white_seconds: Annotated[float | None, typer.Option(help="Of each white screen.")] = None,
+    black_seconds: Annotated[float | None, typer.Option(help="Of the black screen.")] = None,
+    eyes: Annotated[CalibratedEyes, typer.Option(help="Leave an eye out that cannot be tracked.")] = (
+        CalibratedEyes.BOTH
+    ),
+    map_mm: Annotated[
+        bool, typer.Option("--map-mm", help="Map a tracker's millimetres onto 2–8 mm too, as the thesis does.")
+    ] = False,
+    repeats: Annotated[int, typer.Option(min=1, max=20, help="Runs; the newest valid one is kept.")] = 1,
+    fast: Annotated[bool, typer.Option("--fast", help="Simulated eyes alone: no display, and no waiting.")] = False,
+    keep_failed: Annotated[
+        bool, typer.Option("--keep-failed", help="Write the plot of a failed run, as NAME.failed.png.")
+    ] = False,
+    seed: Seed = 0,
+    white_cd_m2: Annotated[
+        float, typer.Option(min=0.01, max=1e5, help="The white screen's light, for simulated eyes.")
+    ] = 200.0,
+    black_cd_m2: Annotated[
+        float, typer.Option(min=1e-6, max=1e5, help="The black screen's light, for simulated eyes.")
+    ] = 0.05,
+) -> None:
+    """Find out how far a person's pupils close and open, before white and black screens."""
+    from services import calibrate as calibrates
+    from services.calibration_display import Display, NoDisplay, SocketDisplay
+    from tracker_bridge.calibration import CalibrationError, luidolt, robust
+    from tracker_bridge.samples import Eye
+    from tracker_bridge.source import Source
+    from tracker_bridge.sources import SIMULATED, TrackerSettings
+    from tracker_bridge.sources.simulated_live import SimulatedLiveEyes
+
+    # All input is looked at before anybody has to look at anything.
+    given = {"white_s": white_seconds, "black_s": black_seconds}
+    make = {ProtocolName.ROBUST: robust, ProtocolName.LUIDOLT: luidolt}[protocol]
+    chosen = make(**{name: value for name, value in given.items() if value is not None})
+    calibrates.refuse_unwritable(out)
+    simulated = source == SIMULATED
+    if fast and not simulated:
+        raise CalibrationError("--fast is for simulated eyes: a person's pupils take their time; leave it out")
+    opened: Source
+    if simulated:
+        if table_map is not None:
+            raise CalibrationError("simulated eyes take no --map: leave it out, or name a table as --source")
+        # Nobody pauses where nobody looks.
+        seconds = repeats * (chosen.seconds + 1.0) if fast else calibrates.LONGEST_S
+        room_cd_m2 = white_cd_m2 * calibrates.GREY_SHARE
+        opened = calibrates.simulated_eyes(seed, room_cd_m2, paced=not fast, seconds=seconds)
+    else:
+        opened = open_eyes(source, table_map, None, seed, None, TrackerSettings(remote=remote, usb_id=usb_id))
+    for note in opened.info.notes:
+        console.print(f"• {escape(note)}")
+    wanted = {CalibratedEyes.LEFT: (Eye.LEFT,), CalibratedEyes.RIGHT: (Eye.RIGHT,)}.get(eyes, tuple(Eye))
+    stop = Stop().on_signals()
+    with ExitStack() as stack:
+        screens: Display
+        if fast:
+            screens = NoDisplay()
+        else:
+            name = "page in a browser" if display is DisplayKind.BROWSER else "program on the sockets"
+            screens = SocketDisplay(commands, answers, name)
+            stack.callback(screens.close)
+            if display is DisplayKind.BROWSER:
+                from services.calibration_page import LOOPBACK, PageServer
+
+                server = PageServer(screens.commands_address, screens.answers_address, host, port)
+                stack.callback(server.close)
+                console.print(f"open [b]{server.url}[/b] on the display, fill it, and press Start")
+                if host not in LOOPBACK:
+                    console.print("[yellow]everybody on that network can open the page[/yellow]")
+            else:
+                console.print(
+                    f"screens are asked for at [b]{screens.commands_address}[/b], answers are awaited at "
+                    f'[b]{screens.answers_address}[/b]; the display starts with {{"request": "start"}}'
+                )
+        room = calibrates.Room(
+            screens, opened if isinstance(opened, SimulatedLiveEyes) else None, white_cd_m2, black_cd_m2
+        )
+        runner = calibrates.Runner(opened, room, stop, on_silence=_say_silent)
+        stack.callback(runner.close)
+        kept: tuple[PupilMap, Attempt] | None = None
+        for number in range(1, repeats + 1):
+            with Progress(
+                TextColumn("{task.description}"),
+                BarColumn(),
+                TimeRemainingColumn(),
+                console=console,
+                transient=True,
+                disable=not console.is_terminal,
+            ) as progress:
+                bar = progress.add_task("waiting for Start", total=chosen.seconds)
+
+                attempt = runner.run(chosen, wanted, functools.partial(_show_progress, progress, bar))
+            if attempt.problems:
+                _print_problems(attempt, number, repeats)
+                if keep_failed:
+                    failed = out.with_suffix(".failed.png")
+                    calibrates.write_plot(failed, attempt, f"{opened.info.name}, protocol {chosen.name}: no result")
+                    console.print(f"plot: [b]{escape(str(failed.resolve()))}[/b]", soft_wrap=True)
+            else:
+                found = calibrates.pupil_map_of(attempt, chosen, opened.info.name, screens, map_mm=map_mm)
+                kept = (found, attempt)
+                _print_result(found, number, repeats)
+            screens.tell(_in_words(attempt), again=number < repeats)
+            if stop():
+                break
+    if stop():
+        raise typer.Exit(130)
+    if kept is None:
+        console.print("no result: nothing was written")
+        raise typer.Exit(1)
+    plot = calibrates.write(out, *kept)
+    console.print(f"results: [b]{escape(str(out.resolve()))}[/b]", soft_wrap=True)
+    console.print(f"look at: [b]{escape(str(plot.resolve()))}[/b]", soft_wrap=True)
+
+
+def _say_silent(reason: str) -> None:
+    console.print(f"[red]the tracker is silent:[/red] {escape(reason)}", soft_wrap=True)
+
+
+def _show_progress(progress: Progress, bar: TaskID, calibration: Calibration, t_ns: int) -> None:
+    from tracker_bridge.calibration import Stage
+
+    words = {Stage.READY: "waiting for Start", Stage.SHOWING: calibration.step.screen.value}
+    description = words.get(calibration.stage, calibration.stage.value)
+    progress.update(bar, completed=calibration.seconds_done(t_ns), description=description)
+
+
+def _print_result(found: PupilMap, number: int, repeats: int) -> None:
+    from tracker_bridge.pupil_map import Use
+    from tracker_bridge.samples import Eye
+
+    table = Table(title=f"run {number} of {repeats}" if repeats > 1 else None, title_justify="left")
+    diameters = (f"{what} / {found.unit}" for what in ("white", "black", "span"))
+    for heading in ("eye", *diameters, "tracked", "moving / mm/s", "stretch"):
+        table.add_column(heading, justify="left" if heading == "eye" else "right")
+    for eye in Eye:
+        if (one := found.of(eye)) is not None:
+            table.add_row(
+                eye.name.lower(),
+                f"{one.white:.2f}",
+                f"{one.black:.2f}",
+                f"{one.black - one.white:.2f}",
+                f"{min(window.valid_share for window in one.windows):.0%}",
+                f"{max(abs(window.slope_mm_s) for window in one.windows):.2f}",
+                f"×{one.stretch:.2f}",
+            )
+    console.print(table)
+    if found.use is Use.CHECK:
+        console.print("the tracker's own millimetres are kept; --map-mm would stretch them onto 2–8 mm")
+
+
+def _print_problems(attempt: Attempt, number: int, repeats: int) -> None:
+    if repeats > 1:
+        console.print(f"run {number} of {repeats}")
+    for problem in attempt.problems:
+        whose = "" if problem.eye is None else f", {problem.eye.name.lower()} eye"
+        console.print(f"[red]{problem.failure.value}[/red]{whose}: {escape(problem.detail)}", soft_wrap=True)
+    for remedy in dict.fromkeys(problem.remedy for problem in attempt.problems):
+        console.print(f"  → {escape(remedy)}", soft_wrap=True)
+
+
+def _in_words(attempt: Attempt) -> str:
+    """For the person before the display."""
+    if not attempt.problems:
+        return "Done, thank you: both the black and the white screens could be measured."
+    first = attempt.problems[0]
+    return f"No result: {first.failure.value}. To do: {first.remedy}."

@@ -1,0 +1,75 @@
+"""`entoptic worker`: renders what a bridge publishes."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import msgspec
+import typer
+
+from services.options import (
+    Child,
+    ClientKeysFolder,
+    Eyes,
+    Fov,
+    Fps,
+    Head,
+    Height,
+    MeanLuminance,
+    Save,
+    SaveOption,
+    SceneSpec,
+    Seconds,
+    SettingsFile,
+    Width,
+)
+from services.process import prepare_jax, process
+
+
+def worker(
+    states: Annotated[str, typer.Option(help="Where a bridge publishes eye states.")],
+    events: Annotated[str, typer.Option(help="Where it publishes events.")],
+    out: Annotated[Path, typer.Option(help="Folder for the results.")],
+    scene: SceneSpec = "night-street",
+    mean_luminance: MeanLuminance = None,
+    seconds: Seconds = None,
+    fps: Fps = 24.0,
+    width: Width = None,
+    height: Height = None,
+    fov: Fov = 104.0,
+    eyes: Annotated[Eyes, typer.Option(help="Which eyes are rendered; both stand side by side.")] = Eyes.LEFT,
+    live: Annotated[
+        bool, typer.Option("--live/--offline", help="By the clock, dropping frames; or every frame by recorded time.")
+    ] = False,
+    head: Head = "look-around",
+    settings: SettingsFile = None,
+    save: SaveOption = [Save.VIDEO],  # noqa: B006
+    keys: ClientKeysFolder = None,
+    child: Child = False,
+) -> None:
+    """Render what a bridge publishes."""
+    with process(child) as (stop, log):
+        prepare_jax()
+        from pipeline.scenes import open_scene
+        from pipeline.scenes.head_path import open_head_path
+        from services import keys as key_files
+        from services import worker as workers
+        from services.reader import StateReader
+        from services.settings import load
+        from tracker_bridge.wire import Eye
+
+        perception = load(settings)
+        opened = open_scene(scene, mean_luminance_cd_m2=mean_luminance)
+        path = open_head_path(head)
+        view = opened.view_for(width, height, fov)
+        chosen = {Eyes.LEFT: (Eye.LEFT,), Eyes.RIGHT: (Eye.RIGHT,), Eyes.BOTH: (Eye.LEFT, Eye.RIGHT)}[eyes]
+        out.mkdir(parents=True, exist_ok=True)
+        client = None if keys is None else key_files.load_client(keys)
+        reader = StateReader(states, events, newest_only=live, keys=client)
+        try:
+            job = workers.WorkerSettings(view, fps, chosen, live, seconds, out, frozenset(save))
+            summary = workers.run(reader, opened, path, job, perception, stop, log)
+        finally:
+            reader.close()
+        log.info("ended", **msgspec.to_builtins(summary))

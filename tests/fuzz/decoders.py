@@ -1,0 +1,128 @@
+"""Every decoder of foreign bytes: what it may raise, and a few good inputs to spoil."""
+
+from __future__ import annotations
+
+import functools
+import tempfile
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import NamedTuple
+
+import msgpack
+
+from services.settings import SettingsError
+from services.settings import load as load_settings
+from tracker_bridge import wire
+from tracker_bridge.clock import ArrivalClock
+from tracker_bridge.events import BlinkOffset, StreamStarted
+from tracker_bridge.pupil_map import PupilMapError
+from tracker_bridge.pupil_map import read as read_pupil_map
+from tracker_bridge.samples import Direction, Eye, EyeState, GazeSample, OneEyeState, Phase, PupilSample
+from tracker_bridge.source import SourceError
+from tracker_bridge.sources import open_source
+from tracker_bridge.sources.hid_descriptor import HidDescriptorError
+from tracker_bridge.sources.hid_eye_tracker import EyeTrackerReports
+from tracker_bridge.sources.pupil_bus import PupilBus
+from tracker_bridge.sources.pupil_datum import base_pupils, decode_gaze, decode_pupil, gaze_samples, pupil_sample
+from tracker_bridge.sources.pupil_writer import write_recording
+from tracker_bridge.sources.simulated import SimulatedEyes, SimulatedSettings
+from tracker_bridge.sources.table_map import read_table_map
+from tracker_bridge.sources.usb_file import open_usb_file
+from tracker_bridge.sources.usb_stream import Connection, PacketStream
+from tracker_bridge.sources.usb_twin_descriptors import PACKET_BYTES
+from tracker_bridge.sources.usb_twin_report import DESCRIPTOR, tracking_report
+
+
+class Decoder(NamedTuple):
+    """One decoder."""
+
+    read: Callable[[bytes], object]
+    may_raise: tuple[type[Exception], ...]
+    good: Sequence[bytes]
+
+
+def _as_file(name: str, read: Callable[[Path], object], data: bytes) -> object:
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / name
+        path.write_bytes(data)
+        return read(path)
+
+
+def _file(name: str, read: Callable[[Path], object]) -> Callable[[bytes], object]:
+    return functools.partial(_as_file, name, read)
+
+
+def _samples(path: Path) -> object:
+    return list(open_source(str(path)).samples())
+
+
+def _pupil(data: bytes) -> object:
+    return pupil_sample(decode_pupil(data))
+
+
+def _gaze(data: bytes) -> object:
+    datum = decode_gaze(data)
+    return gaze_samples(datum, base_pupils(datum))
+
+
+def _bus(data: bytes) -> object:
+    """The first byte is the length of the topic."""
+    length = 1 + data[0] if data else 0
+    return PupilBus().read([data[1:length], data[length:]], 0)
+
+
+def _packets(data: bytes) -> object:
+    """Packets of the device that plays recordings."""
+    stream = PacketStream(Connection("fuzzed", DESCRIPTOR, PACKET_BYTES, {}), ArrivalClock())
+    return [stream.add(data[at : at + PACKET_BYTES], at) for at in range(0, len(data), PACKET_BYTES)]
+
+
+def _framed(topic: bytes, payload: bytes) -> bytes:
+    return bytes([len(topic)]) + topic + payload
+
+
+@functools.cache
+def _recording() -> tuple[bytes, bytes]:
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "recording"
+        write_recording(SimulatedEyes(SimulatedSettings(seconds=0.1, rate_hz=60.0)), path)
+        return (path / "pupil.pldata").read_bytes(), (path / "gaze.pldata").read_bytes()
+
+
+def _datums(file: bytes) -> list[tuple[bytes, bytes]]:
+    unpacker = msgpack.Unpacker(strict_map_key=False)
+    unpacker.feed(file)
+    return [(topic.encode(), datum) for topic, datum in unpacker]
+
+
+def decoders() -> dict[str, Decoder]:
+    """All of them, by name."""
+    pupil_file, gaze_file = _recording()
+    (pupil_topic, pupil), (gaze_topic, gaze) = _datums(pupil_file)[0], _datums(gaze_file)[0]
+    one = OneEyeState(Phase.TRACKING, 3.0, 3.1, 1.0, 0.9, Direction(1.0, 2.0, 3), 3)
+    state = wire.encode_state(EyeState(4, 5, one, one, None, 6))
+    events = [
+        wire.encode_event(event, stream=1, sequence=2, replay_port=3)
+        for event in (BlinkOffset(1, Eye.LEFT, 2), StreamStarted(1, None, "eyes"))
+    ]
+    table = b"t_s,left_mm,right_mm\n0.0,3.0,3.1\n0.01,3.0,3.2\n"
+    table_map = b'delimiter = ","\n[time]\ncolumn = "t_s"\nunit = "s"\n'
+    source, wrong = (SourceError,), (wire.WireError,)
+    report = tracking_report([PupilSample(0, Eye.LEFT, 4.0, 1.0), GazeSample(0, None, 1.0, 2.0, 1.0)], 5, 1)
+    return {
+        "pupil datum": Decoder(_pupil, source, [pupil]),
+        "gaze datum": Decoder(_gaze, source, [gaze]),
+        "message on Capture's bus": Decoder(_bus, (), [_framed(pupil_topic, pupil), _framed(gaze_topic, gaze)]),
+        "state": Decoder(wire.decode_state, wrong, [state]),
+        "event": Decoder(wire.decode_event, wrong, events),
+        "replay request": Decoder(wire.decode_request, wrong, [wire.encode_request(5)]),
+        "replay answer": Decoder(wire.decode_answer, wrong, [wire.encode_answer(wire.BadRequest("why"))]),
+        "recording": Decoder(_file("pupil.pldata", _samples), source, [pupil_file, gaze_file]),
+        "table": Decoder(_file("table.csv", _samples), source, [table]),
+        "column map": Decoder(_file("map.toml", read_table_map), source, [table_map]),
+        "pupil map": Decoder(_file("pupil.toml", read_pupil_map), (PupilMapError,), [b'protocol = "robust"\n']),
+        "report descriptor": Decoder(EyeTrackerReports, (HidDescriptorError,), [DESCRIPTOR]),
+        "USB packets": Decoder(_packets, (), [report * 3]),
+        "USB capture": Decoder(_file("capture", open_usb_file), source, [b""]),
+        "settings": Decoder(_file("settings.toml", load_settings), (SettingsError,), [b"[observer]\nage_years = 30\n"]),
+    }

@@ -1,0 +1,214 @@
+"""The calibration's page in a real browser, driven through the browser's own debugging protocol."""
+
+import base64
+import contextlib
+import io
+import itertools
+import json
+import shutil
+import subprocess
+import threading
+import time
+import urllib.error
+import urllib.request
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import matplotlib.image
+import numpy as np
+import pytest
+from websockets.exceptions import ConnectionClosed
+from websockets.sync.client import ClientConnection, connect
+
+from services.calibrate import Attempt, Room, Runner, simulated_eyes
+from services.calibration_display import SocketDisplay
+from services.calibration_page import PageServer
+from tracker_bridge.calibration import Protocol, Screen, Stage, Statistic, Step
+from tracker_bridge.publisher import PortInUseError
+
+CHROMIUM = next(
+    (path for name in ("chromium", "chromium-browser", "google-chrome") if (path := shutil.which(name))), None
+)
+QUICK = Protocol(
+    "quick", (Step(Screen.WHITE, 1.5, 0.5), Step(Screen.BLACK, 1.5, 0.5)), Statistic.MEDIAN, must_settle=False
+)
+GIVE_UP_S = 30.0
+
+
+class Browser:
+    """One page of a Chromium without a window."""
+
+    def __init__(self, folder: Path, url: str) -> None:
+        assert CHROMIUM is not None
+        arguments = ["--headless", "--no-sandbox", "--disable-gpu", "--window-size=800,600", "--no-first-run"]
+        arguments += ["--remote-debugging-port=0", f"--user-data-dir={folder}", url]
+        self._process = subprocess.Popen([CHROMIUM, *arguments], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+        self._numbers = itertools.count(1)
+        self._stack = contextlib.ExitStack()
+        try:
+            port_file = folder / "DevToolsActivePort"
+            port = wait_for(lambda: port_file.exists() and port_file.read_text().split())[0]
+            target = wait_for(lambda: page_at(url, f"http://127.0.0.1:{port}/json"))
+            connection = connect(target["webSocketDebuggerUrl"], max_size=None)
+            self._page: ClientConnection = self._stack.enter_context(connection)
+        except BaseException:
+            self._process.kill()
+            raise
+
+    def call(self, method: str, **parameters: Any) -> Any:
+        number = next(self._numbers)
+        self._page.send(json.dumps({"id": number, "method": method, "params": parameters}))
+        while True:
+            message = json.loads(self._page.recv(timeout=GIVE_UP_S))
+            if message.get("id") == number:
+                # Between two documents there is nothing to ask: that is no answer yet.
+                return message.get("result", {"result": {}})
+
+    def evaluate(self, expression: str) -> Any:
+        called = self.call("Runtime.evaluate", expression=expression, userGesture=True, returnByValue=True)
+        return called["result"].get("value")
+
+    def screenshot(self) -> np.ndarray:
+        data = base64.b64decode(self.call("Page.captureScreenshot", format="png")["data"])
+        return np.asarray(matplotlib.image.imread(io.BytesIO(data)))[..., :3]
+
+    def close(self) -> None:
+        self._stack.close()
+        self._process.terminate()
+        self._process.wait(20)
+
+
+def get(url: str, **headers: str) -> str:
+    request = urllib.request.Request(url, headers=headers)
+    with urllib.request.urlopen(request, timeout=GIVE_UP_S) as answer:
+        assert answer.headers.get("cache-control") in (None, "no-store")
+        text: str = answer.read().decode()
+        return text
+
+
+def page_at(url: str, pages: str) -> dict[str, str] | None:
+    """What a browser says of the page at this address; None while there is none, or no browser yet."""
+    try:
+        listed: list[dict[str, str]] = json.loads(get(pages))
+    except OSError:
+        return None
+    return next((page for page in listed if page["url"].startswith(url)), None)
+
+
+def wait_for(condition: Any) -> Any:
+    give_up = time.monotonic() + GIVE_UP_S
+    while time.monotonic() < give_up:
+        if found := condition():
+            return found
+        time.sleep(0.02)
+    pytest.fail("it did not come to that in half a minute")
+
+
+@pytest.fixture
+def display() -> Iterator[SocketDisplay]:
+    opened = SocketDisplay("tcp://127.0.0.1:*", "tcp://127.0.0.1:*")
+    yield opened
+    opened.close()
+
+
+@pytest.fixture
+def server(display: SocketDisplay) -> Iterator[PageServer]:
+    opened = PageServer(display.commands_address, display.answers_address, "127.0.0.1", 0)
+    yield opened
+    opened.close()
+
+
+@pytest.fixture
+def browser(tmp_path: Path, server: PageServer) -> Iterator[Browser]:
+    if CHROMIUM is None:
+        pytest.skip("no chromium here: the page cannot be tried in a real browser")
+    opened = Browser(tmp_path / "profile", server.url)
+    yield opened
+    opened.close()
+
+
+def test_a_browser_shows_the_screens_and_says_when(
+    display: SocketDisplay, server: PageServer, browser: Browser
+) -> None:
+    attempts: list[Attempt] = []
+    eyes = simulated_eyes(1, 40.0, paced=True)
+    runner = Runner(eyes, Room(display, eyes), lambda: False)
+    running = threading.Thread(target=lambda: attempts.append(runner.run(QUICK)), daemon=True)
+    running.start()
+    wait_for(lambda: browser.evaluate("!document.getElementById('start').disabled"))
+    assert "Ready" in browser.evaluate("document.getElementById('message').textContent")
+    browser.evaluate("document.getElementById('start').click()")
+    seen = {}
+    for screen in ("white", "black"):
+        wait_for(lambda screen=screen: browser.evaluate("document.body.className") == screen)
+        time.sleep(0.1)
+        seen[screen] = browser.screenshot()
+    running.join(GIVE_UP_S)
+    (attempt,) = attempts
+    assert attempt.stage is Stage.FINISHED
+    # All of it, but for the small cross in the middle.
+    assert (seen["white"] == 1.0).all(axis=-1).mean() > 0.9995
+    assert (seen["black"] == 0.0).all(axis=-1).mean() > 0.9995
+    assert display.uncertainty_ns is not None
+    assert display.uncertainty_ns < 100_000_000
+    white, black = attempt.screens
+    assert black.t_ns >= white.window_ns[1]
+    assert display.unreadable is None
+    display.tell("No result: nothing.", again=False)
+    wait_for(lambda: "No result" in browser.evaluate("document.getElementById('message').textContent"))
+    server.close()
+    wait_for(lambda: "can be closed" in browser.evaluate("document.getElementById('message').textContent"))
+    assert browser.evaluate("document.body.className") == "grey"
+
+
+def test_a_page_that_goes_away_pauses_and_comes_back(display: SocketDisplay, browser: Browser) -> None:
+    stages: list[Stage] = []
+    attempts: list[Attempt] = []
+    eyes = simulated_eyes(1, 40.0, paced=True)
+    runner = Runner(eyes, Room(display, eyes), lambda: False)
+
+    def run() -> None:
+        attempts.append(runner.run(QUICK, on_progress=lambda calibration, _: stages.append(calibration.stage)))
+
+    running = threading.Thread(target=run, daemon=True)
+    running.start()
+    ready = "!document.getElementById('start').disabled"
+    wait_for(lambda: browser.evaluate(ready))
+    browser.evaluate("document.getElementById('start').click()")
+    wait_for(lambda: browser.evaluate("document.body.className") == "white")
+    browser.call("Page.reload")
+    wait_for(lambda: stages and stages[-1] is Stage.PAUSED)
+    wait_for(lambda: browser.evaluate(ready))
+    browser.evaluate("document.getElementById('start').click()")
+    running.join(GIVE_UP_S)
+    assert attempts[0].stage is Stage.FINISHED
+
+
+def test_only_its_own_page_may_connect_and_only_one(server: PageServer) -> None:
+    assert "Pupil calibration" in get(server.url)
+    assert "requestAnimationFrame" in get(f"{server.url}page.js")
+    assert "body.white" in get(f"{server.url}page.css")
+    with pytest.raises(urllib.error.HTTPError, match="400"):
+        get(server.url, host="elsewhere.example")
+    url, own = f"ws://127.0.0.1:{server.port}/display", f"http://127.0.0.1:{server.port}"
+
+    def refused(origin: str | None) -> str:
+        with connect(url, origin=origin) as page, pytest.raises(ConnectionClosed) as closed:
+            page.recv(timeout=GIVE_UP_S)
+        assert closed.value.rcvd is not None
+        return closed.value.rcvd.reason
+
+    assert "own page" in refused("http://elsewhere.example")
+    assert "own page" in refused(None)
+    with connect(url, origin=own) as page:
+        assert "ask" in json.loads(page.recv(timeout=GIVE_UP_S))
+        assert "Another page" in refused(own)
+        page.send("no JSON")
+        page.send("{}")
+        assert "ask" in json.loads(page.recv(timeout=GIVE_UP_S))
+
+
+def test_a_port_that_is_taken_is_named(server: PageServer) -> None:
+    with pytest.raises(PortInUseError, match="choose another --port"):
+        PageServer("tcp://127.0.0.1:9", "tcp://127.0.0.1:9", "127.0.0.1", server.port)

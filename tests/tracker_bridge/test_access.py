@@ -1,0 +1,53 @@
+"""Who may hear the bridge."""
+
+from pathlib import Path
+
+import pytest
+import zmq
+from zmq.utils import z85
+
+from tracker_bridge import access
+from tracker_bridge.access import OpenAddressError, ServerKeys
+
+
+@pytest.mark.parametrize(
+    "address",
+    ["tcp://127.0.0.1:5555", "tcp://127.0.0.1:*", "tcp://127.9.9.9:1", "tcp://[::1]:5555", "tcp://localhost:5555",
+     "ipc:///tmp/eyes", "inproc://eyes"],
+)  # fmt: skip
+def test_what_only_this_machine_can_reach_needs_no_keys(address: str) -> None:
+    access.refuse_open([address])
+
+
+@pytest.mark.parametrize(
+    "address",
+    ["tcp://*:5555", "tcp://0.0.0.0:*", "tcp://192.168.1.7:5555", "tcp://[::]:5555", "tcp://eth0:5555",
+     "tcp://lab-machine:5555", "tcp://128.0.0.1:5555", "ws://127.0.0.1.example.org:5555", "tcp://[fe80::1%eth0]:5555"],
+)  # fmt: skip
+def test_what_others_can_reach_is_refused_with_the_remedy(address: str) -> None:
+    with pytest.raises(OpenAddressError, match="entoptic keys") as refused:
+        access.refuse_open(["tcp://127.0.0.1:*", address])
+    assert address in str(refused.value)
+
+
+def request(mechanism: bytes, *credentials: bytes) -> list[bytes]:
+    return [b"1.0", b"id", b"", b"10.0.0.9", b"", mechanism, *credentials]
+
+
+def test_only_a_key_in_the_folder_opens_and_a_broken_file_neither_opens_nor_shuts(tmp_path: Path) -> None:
+    known, unknown = (zmq.curve_keypair()[0] for _ in range(2))
+    keys = ServerKeys(b"", b"", tmp_path)
+    ask = request(b"CURVE", z85.decode(known))
+    assert access.zap_reply(ask, keys)[2] == b"400"
+    (tmp_path / "a_broken.key").write_bytes(b"\xff\x00")
+    (tmp_path / "known.key").write_text(f'curve\n    public-key = "{known.decode()}"\n')
+    assert access.zap_reply(ask, keys)[:3] == [b"1.0", b"id", b"200"]
+    for stranger in (
+        request(b"CURVE", z85.decode(unknown)),
+        request(b"NULL"),
+        request(b"PLAIN", b"known", known),
+        request(b"CURVE"),
+    ):
+        assert access.zap_reply(stranger, keys)[2] == b"400"
+    (tmp_path / "known.key").unlink()
+    assert access.zap_reply(ask, keys)[2] == b"400"

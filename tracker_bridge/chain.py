@@ -1,0 +1,256 @@
+"""From a source's items to states and events: pure, in order, and never later than it must be.
+
+Theory of operation: samples of one time, following one another, make one state, as soon as the next item shows that
+they are all there; a live source shows it by a tick. Each eye and kind of sample goes forwards in time by itself: what
+comes late, twice or backwards, or from the future, is left out and counted. A pupil never holds up a gaze.
+"""
+
+from __future__ import annotations
+
+import collections
+import dataclasses
+import enum
+import statistics
+from collections.abc import Iterable, Iterator
+
+from tracker_bridge.dropout import DropoutFilter, Shown
+from tracker_bridge.events import (
+    ClockEstimated,
+    ClockJumped,
+    Event,
+    SourceSilent,
+)
+from tracker_bridge.microsaccades import COVERED, SaccadeDetector
+from tracker_bridge.pupil_map import PupilMap
+from tracker_bridge.recording_lane import RecordingLane
+from tracker_bridge.samples import Direction, Eye, EyeState, GazeSample, OneEyeState, Phase, PupilSample
+from tracker_bridge.source import Item, Tick
+
+MIN_GAZE_CONFIDENCE = 0.6
+"""As for pupils: below it a direction is the detector's guess."""
+SAME_TIME_NS = 50_000_000
+"""Two eyes' samples within it count as of one moment: a tracker at 30 Hz takes its eyes 33 ms apart at most."""
+PATIENCE_NS = 250_000_000
+"""How far a sample may lie behind the newest, or behind the time; silence counts from then on, and what comes later is
+left out. Engineering choice: half of what makes a pupil lost. Older than that, a gaze is no use to any display."""
+FUTURE_NS = 1_000_000_000
+"""No clock is that wrong: a sample from further ahead has a broken time, and would make all others look late."""
+DIFFERENCE_COUNT = 1000
+"""Samples behind the usual difference between both pupils: its median over the last 5 s at 200 Hz."""
+
+
+@dataclasses.dataclass
+class _EyeMemory:
+    filter: DropoutFilter = dataclasses.field(default_factory=DropoutFilter)
+    shown: Shown | None = None
+    sample: PupilSample | None = None
+    gaze: Direction | None = None
+
+    def state(self, borrowed_mm: float | None) -> OneEyeState:
+        if self.sample is None or self.shown is None:
+            return OneEyeState(Phase.LOST, borrowed_mm, None, 0.0, None, self.gaze, borrowed=borrowed_mm is not None)
+        borrows = borrowed_mm is not None
+        return OneEyeState(
+            phase=self.shown.phase,
+            diameter_mm=borrowed_mm if borrows else self.shown.diameter_mm,
+            measured_mm=self.sample.diameter_mm,
+            confidence=self.sample.confidence,
+            openness=self.shown.openness,
+            gaze=self.gaze,
+            t_ns=self.sample.t_ns,
+            borrowed=borrows,
+        )
+
+
+class Lane(enum.StrEnum):
+    """When states leave."""
+
+    LIVE = "live"
+    """At once."""
+    RECORDING = "recording"
+    """After a fixed lag, with what came after them taken into account; see recording_lane.py."""
+
+
+class Chain:
+    """Samples in, states and events out. Latency: in the live lane none, but for waiting until a moment is whole."""
+
+    def __init__(self, *, live: bool = False, lane: Lane = Lane.LIVE, pupil_map: PupilMap | None = None) -> None:
+        """`live`: the source's ticks tell the time. `pupil_map`: what diameters mean, from a calibration."""
+        self._live = live
+        self._lane = RecordingLane() if lane is Lane.RECORDING else None
+        self._pupil_map = pupil_map
+        self._eyes = {eye: _EyeMemory() for eye in Eye}
+        self._differences_mm: collections.deque[float] = collections.deque(maxlen=DIFFERENCE_COUNT)
+        self._saccades = SaccadeDetector()
+        self._both: Direction | None = None
+        self._source_gives_both = False
+        self._uncertainty_ns: int | None = None if live else 0
+        self._newest_ns: dict[tuple[type, Eye | None], int] = {}
+        self._t_ns: int | None = None
+        self._now_ns: int | None = None
+        self._latest_ns: int | None = None
+        self._moment_ns: int | None = None
+        self._sequence = 0
+        self.late_count = 0
+        """Samples that came too late, twice, backwards or from the future, and were left out."""
+
+    def step(self, item: Item) -> Iterator[EyeState | Event]:
+        """What one more item makes: the state of the moment that it ends, and its events."""
+        for record in self._step(item):
+            yield from self._leave(record)
+        if isinstance(item, Tick) and self._lane is not None and self._now_ns is not None:
+            for state in self._lane.tick(self._now_ns - PATIENCE_NS):
+                yield self._mapped(state)
+
+    def flush(self) -> Iterator[EyeState | Event]:
+        """What is still to leave at the end of a stream."""
+        for record in self._end_moment():
+            yield from self._leave(record)
+        if self._lane is not None:
+            for state in self._lane.flush():
+                yield self._mapped(state)
+
+    def _leave(self, record: EyeState | Event) -> Iterator[EyeState | Event]:
+        """Through the lane and the map. Events never wait."""
+        if not isinstance(record, EyeState):
+            yield record
+        elif self._lane is None:
+            yield self._mapped(record)
+        else:
+            for state in self._lane.step(record):
+                yield self._mapped(state)
+
+    def _mapped(self, state: EyeState) -> EyeState:
+        return state if self._pupil_map is None else self._pupil_map.map_state(state)
+
+    def _step(self, item: Item) -> Iterator[EyeState | Event]:
+        if isinstance(item, PupilSample | GazeSample):
+            if not self._in_time(item):
+                self.late_count += 1
+                return
+            if item.t_ns != self._moment_ns:
+                yield from self._end_moment()
+                self._moment_ns = item.t_ns
+            yield from self._pupil(item) if isinstance(item, PupilSample) else self._gaze(item)
+            return
+        yield from self._end_moment()
+        if isinstance(item, Tick):
+            yield from self._tick(item.t_ns)
+            return
+        if isinstance(item, ClockEstimated):
+            self._uncertainty_ns = item.uncertainty_ns
+        elif isinstance(item, ClockJumped | SourceSilent):
+            self._uncertainty_ns = None
+        yield item
+
+    def _end_moment(self) -> Iterator[EyeState | Event]:
+        """The state of the moment so far, if it has any sample."""
+        if self._moment_ns is not None:
+            moment_ns, self._moment_ns = self._moment_ns, None
+            yield from self._silence(moment_ns - PATIENCE_NS)
+            yield self._state(moment_ns)
+
+    def _in_time(self, sample: PupilSample | GazeSample) -> bool:
+        t_ns, kind = sample.t_ns, (type(sample), sample.eye)
+        if self._now_ns is not None and t_ns > self._now_ns + FUTURE_NS:
+            return False
+        if self._latest_ns is not None and t_ns < self._latest_ns - PATIENCE_NS:
+            return False
+        if t_ns <= self._newest_ns.get(kind, t_ns - 1):
+            return False
+        self._newest_ns[kind] = t_ns
+        self._latest_ns = t_ns if self._latest_ns is None else max(t_ns, self._latest_ns)
+        return True
+
+    def _pupil(self, sample: PupilSample) -> Iterator[Event]:
+        memory = self._eyes[sample.eye]
+        sample = sample if self._pupil_map is None else self._pupil_map.apply(sample)
+        memory.sample, memory.shown = sample, memory.filter.step(sample)
+        self._compare(sample.eye)
+        yield from memory.shown.events
+        if memory.shown.phase in COVERED:
+            yield from self._saccades.blind(sample.t_ns, sample.eye)
+
+    def _gaze(self, sample: GazeSample) -> Iterator[Event]:
+        yield from self._saccades.step(sample)
+        if sample.confidence < MIN_GAZE_CONFIDENCE:
+            return
+        direction = Direction(sample.azimuth_deg, sample.elevation_deg, sample.t_ns)
+        if sample.eye is None:
+            self._both, self._source_gives_both = direction, True
+        else:
+            self._eyes[sample.eye].gaze = direction
+
+    def _tick(self, now_ns: int) -> Iterator[EyeState | Event]:
+        """Time without samples. A recording has none: its time is that of its samples."""
+        if not self._live:
+            return
+        self._now_ns = now_ns if self._now_ns is None else max(now_ns, self._now_ns)
+        self._latest_ns = self._now_ns if self._latest_ns is None else max(self._now_ns, self._latest_ns)
+        phases = [memory.shown and memory.shown.phase for memory in self._eyes.values()]
+        yield from self._silence(self._now_ns - PATIENCE_NS)
+        if phases != [memory.shown and memory.shown.phase for memory in self._eyes.values()]:
+            yield self._state(self._now_ns - PATIENCE_NS)
+
+    def _silence(self, until_ns: int) -> Iterator[Event]:
+        """Tells eyes that no sample came until then, and none is still on its way."""
+        yield from self._saccades.tick(until_ns)
+        for memory in self._eyes.values():
+            if memory.sample is not None and memory.sample.t_ns < until_ns:
+                shown = memory.filter.tick(until_ns)
+                if shown is not None:
+                    memory.shown = shown
+                    yield from shown.events
+
+    def _compare(self, eye: Eye) -> None:
+        """Learns the usual difference between the pupils, right less left, while both are tracked."""
+        right, left = (self._eyes[each].shown for each in Eye)
+        if (
+            right is not None
+            and left is not None
+            and right.phase is left.phase is Phase.TRACKING
+            and right.diameter_mm is not None
+            and left.diameter_mm is not None
+            and eye is Eye.LEFT
+        ):
+            self._differences_mm.append(right.diameter_mm - left.diameter_mm)
+
+    def _borrowed_mm(self, eye: Eye) -> float | None:
+        """What a lost eye shows: both irises are driven alike, so the other pupil is the best guess there is."""
+        own, other = self._eyes[eye].shown, self._eyes[Eye(1 - eye)].shown
+        if (own is not None and own.phase is not Phase.LOST) or other is None or other.phase is not Phase.TRACKING:
+            return None
+        if other.diameter_mm is None:
+            return None
+        difference_mm = statistics.median(self._differences_mm) if self._differences_mm else 0.0
+        return max(other.diameter_mm + (difference_mm if eye is Eye.RIGHT else -difference_mm), 1.0)
+
+    def _state(self, t_ns: int) -> EyeState:
+        self._t_ns = t_ns if self._t_ns is None else max(t_ns, self._t_ns)
+        if not self._source_gives_both:
+            self._both = self._mean_direction() or self._both
+        right, left = (self._eyes[eye].state(self._borrowed_mm(eye)) for eye in Eye)
+        state = EyeState(self._sequence, self._t_ns, right, left, self._both, self._uncertainty_ns)
+        self._sequence += 1
+        return state
+
+    def _mean_direction(self) -> Direction | None:
+        """Where a source gives each eye's gaze but not both eyes' together: the mean of the eyes lately seen."""
+        directions = [memory.gaze for memory in self._eyes.values() if memory.gaze is not None]
+        newest_ns = self._t_ns or 0
+        fresh = [direction for direction in directions if newest_ns - direction.t_ns <= SAME_TIME_NS]
+        if not fresh:
+            return None
+        return Direction(
+            sum(direction.azimuth_deg for direction in fresh) / len(fresh),
+            sum(direction.elevation_deg for direction in fresh) / len(fresh),
+            max(direction.t_ns for direction in fresh),
+        )
+
+
+def records_of(items: Iterable[Item], chain: Chain | None = None) -> Iterator[EyeState | Event]:
+    """All states and events of a source's items, in order; the same to the bit each time."""
+    chain = chain or Chain()
+    for item in items:
+        yield from chain.step(item)
+    yield from chain.flush()

@@ -1,0 +1,252 @@
+"""The sockets by which states and events leave the bridge, for any number of readers of any speed.
+
+Theory of operation: three sockets, of which two publish. Where the bridge may wait (a recording, read as fast as its
+slowest reader takes it) nothing is lost: XPUB with NODROP refuses a message while any reader's queue is full. Where it
+may not wait (live), a reader whose queue is full goes without, and nobody else notices; the numbers show it what it
+missed. Every event is also kept in a ring (replay.py), and a thread of its own answers readers that ask for those they
+missed, whatever the bridge's thread waits for; it sleeps in the kernel otherwise. The same thread says who may come in.
+
+Memory: the ring's 17 MB; for a reader that has stalled SEND_QUEUE messages of a socket, which are 0.5 MB of states; for
+one that asks without reading ANSWER_QUEUE answers, 0.1 MB; beside what the kernel buffers for a connection.
+"""
+
+from __future__ import annotations
+
+import secrets
+import threading
+import time
+from collections.abc import Callable
+
+import zmq
+
+from tracker_bridge import access, replay, wire
+from tracker_bridge.access import ServerKeys
+from tracker_bridge.events import Event, Heartbeat
+from tracker_bridge.samples import EyeState
+
+SEND_QUEUE = 1000
+"""Messages kept for each reader: 2.5 s of states of two eyes at 200 Hz. Engineering choice: longer than any pause of a
+reader that keeps up, short enough that what a stalled one costs does not matter."""
+ANSWER_QUEUE = 4
+"""Answers kept for each asker: they are long, and who asks again without reading needs no more."""
+MAX_REQUEST_BYTES = 1024
+"""Nobody has more to say to the bridge; a connection that sends a longer message is closed."""
+RETRY_S = 0.002
+"""How often a full queue is looked at. Not polled: XPUB says at all times that it can be written to."""
+HEARTBEAT_S = 1.0
+LINGER_MS = 2000
+"""What is queued at the end has so long to leave."""
+KEEPALIVE = (
+    (zmq.TCP_KEEPALIVE, 1),
+    (zmq.TCP_KEEPALIVE_IDLE, 10),
+    (zmq.TCP_KEEPALIVE_INTVL, 5),
+    (zmq.TCP_KEEPALIVE_CNT, 4),
+)
+"""A machine that vanished without a word is given up after 30 s. Asked by the kernels, so that a reader which has only
+stalled is not taken for gone."""
+
+Stopped = Callable[[], bool]
+
+
+class PortInUseError(Exception):
+    """An address cannot be bound: the message names it and the remedy."""
+
+
+class Publisher:
+    """Publishes states and numbered events, and answers for lost ones. All methods are for one thread.
+
+    Raises PortInUseError, and OpenAddressError for an address that is not local unless there are keys.
+    """
+
+    def __init__(
+        self,
+        states_address: str,
+        events_address: str,
+        *,
+        replay_address: str | None = None,
+        keys: ServerKeys | None = None,
+    ) -> None:
+        """Without `replay_address` lost events are to be had at a free port of the events' host."""
+        replay_address = replay_address or _another_port(events_address)
+        if keys is None:
+            access.refuse_open((states_address, events_address, replay_address))
+        self._context: zmq.Context[zmq.Socket[bytes]] = zmq.Context()
+        try:
+            self._door = None if keys is None else self._open_door()
+            self._states = self._bind(zmq.XPUB, states_address, keys)
+            self._events = self._bind(zmq.XPUB, events_address, keys)
+            replies = self._bind(zmq.REP, replay_address, keys)
+        except PortInUseError:
+            self._context.destroy(linger=0)
+            raise
+        self._replay_at = replies.getsockopt_string(zmq.LAST_ENDPOINT)
+        self._replay_port = int(self._replay_at.rpartition(":")[2])
+        self._topics: dict[zmq.Socket[bytes], set[bytes]] = {self._states: set(), self._events: set()}
+        self._ring = replay.EventRing()
+        self._stream = secrets.randbits(53)  # fits a double, for languages that know no other number
+        self._heartbeat: Heartbeat | None = None
+        self._beat_s = 0.0
+        self.stalls = 0
+        """How often a reader fell behind by a whole queue, so that messages are left out for it."""
+        self._clerk = threading.Thread(target=self._serve, args=(replies, keys), name="replay", daemon=True)
+        self._clerk.start()
+
+    def _bind(self, kind: int, address: str, keys: ServerKeys | None) -> zmq.Socket[bytes]:
+        socket = self._context.socket(kind)
+        for option, value in KEEPALIVE:
+            socket.setsockopt(option, value)
+        socket.setsockopt(zmq.MAXMSGSIZE, MAX_REQUEST_BYTES)
+        socket.setsockopt(zmq.LINGER, LINGER_MS)
+        if kind == zmq.XPUB:
+            socket.setsockopt(zmq.XPUB_NODROP, 1)
+            socket.setsockopt(zmq.SNDHWM, SEND_QUEUE)
+        else:
+            socket.setsockopt(zmq.SNDHWM, ANSWER_QUEUE)
+            socket.setsockopt(zmq.RCVHWM, ANSWER_QUEUE)
+        if keys is not None:
+            keys.use(socket)
+        try:
+            socket.bind(address)
+        except zmq.ZMQError as error:
+            raise PortInUseError(
+                f"cannot listen on {address}: {error.strerror}; choose another port, or tcp://127.0.0.1:* for any"
+            ) from None
+        return socket
+
+    def _open_door(self) -> zmq.Socket[bytes]:
+        """Before any socket is bound: libzmq lets everybody in while nobody answers here."""
+        door = self._context.socket(zmq.REP)
+        door.setsockopt(zmq.LINGER, 0)
+        door.bind(access.ZAP_ADDRESS)
+        return door
+
+    @property
+    def context(self) -> zmq.Context[zmq.Socket[bytes]]:
+        """For further sockets of the bridge, which the same keys guard; to be closed before this one is."""
+        return self._context
+
+    @property
+    def addresses(self) -> tuple[str, str]:
+        """Where the states and the events are to be had."""
+        return self._states.getsockopt_string(zmq.LAST_ENDPOINT), self._events.getsockopt_string(zmq.LAST_ENDPOINT)
+
+    @property
+    def replay_address(self) -> str:
+        """Where lost events are to be had again. Every event says the port."""
+        return self._replay_at
+
+    def wait_for_reader(self, stopped: Stopped) -> None:
+        """Returns once somebody has subscribed to both sockets, or when `stopped` says so."""
+        self._wait_until(lambda: all(self._topics.values()), stopped)
+
+    def wait_until_left(self, stopped: Stopped) -> None:
+        """Returns once nobody is subscribed to the states, or when `stopped` says so.
+
+        After a stream whose readers were waited for: what they have not read yet is lost when the sockets close.
+        """
+        self._wait_until(lambda: not self._topics[self._states], stopped)
+
+    def publish_state(self, state: EyeState, *, wait: bool, stopped: Stopped) -> None:
+        """Sends a state: to all, once they have room (`wait`), or at once to those that have."""
+        self._send(self._states, wire.encode_state(state), wait, stopped)
+
+    def publish_event(self, event: Event, *, wait: bool, stopped: Stopped) -> None:
+        """Numbers, keeps and sends an event, as `publish_state` does. A heartbeat takes no number and is not kept."""
+        self._note_readers()
+        if isinstance(event, Heartbeat):
+            self._heartbeat = event
+            self._beat(event)
+            return
+        message = self._encode(event, self._ring.last + 1)
+        self._ring.add(message)
+        self._send(self._events, message, wait, stopped)
+
+    def _encode(self, event: Event, sequence: int) -> bytes:
+        return wire.encode_event(event, stream=self._stream, sequence=sequence, replay_port=self._replay_port)
+
+    def _beat(self, heartbeat: Heartbeat) -> None:
+        self._beat_s = time.monotonic()
+        self._send(self._events, self._encode(heartbeat, self._ring.last), False, lambda: False)
+
+    def _send(self, socket: zmq.Socket[bytes], message: bytes, wait: bool, stopped: Stopped) -> None:
+        while True:
+            try:
+                socket.send(message, zmq.DONTWAIT)
+                return
+            except zmq.Again:
+                if not wait:
+                    self._send_to_those_with_room(socket, message)
+                    return
+            if stopped():
+                return
+            self._beat_while_waiting()
+            self._note_readers()
+            time.sleep(RETRY_S)
+
+    def _send_to_those_with_room(self, socket: zmq.Socket[bytes], message: bytes) -> None:
+        """From here on libzmq passes over the full queues by itself, until they are read again."""
+        self.stalls += 1
+        socket.setsockopt(zmq.XPUB_NODROP, 0)
+        socket.send(message, zmq.DONTWAIT)
+        socket.setsockopt(zmq.XPUB_NODROP, 1)
+
+    def _beat_while_waiting(self) -> None:
+        """Fast readers shall not take the bridge for dead while it waits for a slow one."""
+        if self._heartbeat is not None and time.monotonic() - self._beat_s > HEARTBEAT_S:
+            self._beat(self._heartbeat)
+
+    def _wait_until(self, condition: Callable[[], bool], stopped: Stopped) -> None:
+        poller = zmq.Poller()
+        for socket in self._topics:
+            poller.register(socket, zmq.POLLIN)
+        self._note_readers()
+        while not condition() and not stopped():
+            poller.poll(100)
+            self._note_readers()
+            self._beat_while_waiting()
+
+    def _note_readers(self) -> None:
+        """Takes in who came and went: libzmq would keep it in memory for ever."""
+        for socket, topics in self._topics.items():
+            while socket.poll(0, zmq.POLLIN):
+                said = socket.recv()
+                if said[:1] == b"\x01":
+                    topics.add(said[1:])
+                elif said[:1] == b"\x00":
+                    topics.discard(said[1:])
+
+    def _serve(self, replies: zmq.Socket[bytes], keys: ServerKeys | None) -> None:
+        """The other thread: answers until the context ends. Nothing else touches these two sockets."""
+        poller = zmq.Poller()
+        poller.register(replies, zmq.POLLIN)
+        if self._door is not None:
+            poller.register(self._door, zmq.POLLIN)
+        try:
+            while True:
+                ready = dict(poller.poll())
+                if replies in ready:
+                    request = replies.recv_multipart()
+                    replies.send(replay.answer(self._ring, b"".join(request)))
+                if self._door is not None and keys is not None and self._door in ready:
+                    self._door.send_multipart(access.zap_reply(self._door.recv_multipart(), keys))
+        except zmq.ContextTerminated:
+            pass
+        finally:
+            # Whatever happens: the context waits for its sockets to be closed.
+            replies.close(linger=0)
+            if self._door is not None:
+                self._door.close(linger=0)
+
+    def close(self) -> None:
+        """Sends what is queued, for 2 s at most, and closes."""
+        self._states.close()
+        self._events.close()
+        self._context.term()
+        self._clerk.join()
+
+
+def _another_port(address: str) -> str:
+    """A free port of the same host."""
+    if not address.startswith("tcp://"):
+        return "tcp://127.0.0.1:*"
+    return address.rpartition(":")[0] + ":*"

@@ -1,0 +1,211 @@
+"""A simulated pair of eyes that live now and answer to light that is set while they do: the twin of a live tracker.
+
+Lids, gaze and tracker are those of simulated.py, for the same seed the same ones; the pupil takes the same light
+reflex one step at a time, since nobody knows the light beforehand. Samples are made in blocks of 100 ms, less than the
+reflex's latency: no light that is set after a block was made could have changed it.
+"""
+
+from __future__ import annotations
+
+import collections
+import dataclasses
+import math
+import time
+from collections.abc import Iterator
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tracker_bridge.samples import NS_PER_S, Eye, GazeSample, PupilSample
+from tracker_bridge.source import Item, SourceError, SourceInfo, Tick
+from tracker_bridge.sources.simulated import SimulatedEyes, SimulatedSettings
+from tracker_bridge.sources.simulated_pupil import (
+    _FAST_S,
+    _OCTAVES,
+    _P_MAX_MM,
+    _SLOW_S,
+    _SMOOTHING_S,
+    LATENCY_S,
+    STEP_S,
+    watson_yellott_mm,
+)
+from tracker_bridge.sources.simulated_tracker import PX_PER_MM, Measured, measure
+from tracker_bridge.sources.simulated_truth import Truth
+
+BLOCK_S = 0.1
+"""How far samples are made ahead; under LATENCY_S, and as long as a live source may go without a Tick."""
+
+_OCTAVE_WEIGHTS = tuple(math.ldexp(1.0, -octave) / (2.0 - math.ldexp(2.0, -_OCTAVES)) for octave in range(_OCTAVES))
+"""Halves from octave to octave, 1 in all."""
+
+
+class LightReflex:
+    """The reflex of simulated_pupil.light_reflex_mm and its unrest, one STEP_S at a time.
+
+    The first luminance has been there for ever.
+    """
+
+    def __init__(self, luminance_cd_m2: float, field_deg2: float, age_years: float) -> None:
+        self._field_deg2, self._age_years = field_deg2, age_years
+        self._goal = self._fast = self._slow = self._diameter = self._steady(luminance_cd_m2)
+        self._coming: collections.deque[tuple[int, float]] = collections.deque()
+        self._step = 0
+
+    def set_luminance(self, t_s: float, luminance_cd_m2: float) -> None:
+        """The light from a time on; of lights at earlier times than one already set the last to come holds."""
+        at = math.ceil((t_s + LATENCY_S) / STEP_S - 1e-6)
+        while self._coming and self._coming[-1][0] >= at:
+            self._coming.pop()
+        self._coming.append((at, self._steady(luminance_cd_m2)))
+
+    def next_mm(self) -> float:
+        """The diameter at the present step, without unrest; then one step on."""
+        diameter = self._diameter
+        while self._coming and self._step >= self._coming[0][0]:
+            self._goal = self._coming.popleft()[1]
+        fast, slow = _FAST_S[self._goal >= self._fast], _SLOW_S[self._goal >= self._slow]
+        self._fast += (self._goal - self._fast) * -math.expm1(-STEP_S / fast)
+        self._slow += (self._goal - self._slow) * -math.expm1(-STEP_S / slow)
+        self._diameter += ((self._fast + self._slow) / 2 - self._diameter) * -math.expm1(-STEP_S / _SMOOTHING_S)
+        self._step += 1
+        return diameter
+
+    def _steady(self, luminance_cd_m2: float) -> float:
+        return watson_yellott_mm(luminance_cd_m2, self._field_deg2, self._age_years)
+
+
+class Hippus:
+    """The unrest of simulated_pupil.with_hippus_mm, one STEP_S at a time."""
+
+    def __init__(self, seed: np.random.SeedSequence, gain: float) -> None:
+        self._gain = gain
+        self._rngs = [np.random.default_rng(child) for child in seed.spawn(_OCTAVES)]
+        self._values: list[list[float]] = [[] for _ in self._rngs]
+        self._phase = 0.0
+
+    def next_mm(self, diameter_mm: float) -> float:
+        """The diameter with its unrest; then one step on."""
+        self._phase += STEP_S / diameter_mm
+        noise = math.fsum(weight * self._octave(octave) for octave, weight in enumerate(_OCTAVE_WEIGHTS))
+        swing = _P_MAX_MM / diameter_mm * math.sqrt(1.0 - min(diameter_mm / _P_MAX_MM, 1.0))
+        return diameter_mm + self._gain * noise * swing
+
+    def _octave(self, octave: int) -> float:
+        place = math.ldexp(self._phase, octave)
+        left, values = int(place), self._values[octave]
+        while len(values) < left + 2:
+            values.append(self._rngs[octave].uniform(-1.0, 1.0))
+        between = place - left
+        ease = between**2 * (3.0 - 2.0 * between)
+        return values[left] * (1.0 - ease) + values[left + 1] * ease
+
+
+class SimulatedLiveEyes:
+    """A live source of simulated samples, by the clock for `settings.seconds`; `set_luminance` is its light.
+
+    With `paced=False` it is as fast as it is read and its times run from 0: a simulation of a live source, for tests
+    and for whoever cannot wait. Raises SourceError that names the setting that is out of range.
+    """
+
+    def __init__(self, settings: SimulatedSettings, *, paced: bool = True) -> None:
+        if len(settings.luminance) != 1:
+            raise SourceError("live simulated eyes take one luminance at the start; set the others while they live")
+        drawn = SimulatedEyes(settings)
+        self.settings = settings
+        self._paced = paced
+        self._drawn: Truth = drawn.truth
+        self._diameter_mm = np.full(self._drawn.t_ns.size, math.nan)
+        self._lived = 0
+        light = settings.luminance[0][1]
+        self._reflex = LightReflex(light, settings.field_deg2, settings.age_years)
+        # Apart from the five streams that SimulatedEyes draws.
+        hippus_seed, noise_seed = np.random.SeedSequence(settings.seed).spawn(7)[5:]
+        self._hippus = Hippus(hippus_seed, settings.hippus)
+        self._noise_rng = np.random.default_rng(noise_seed)
+        self._grid_mm = np.empty(math.ceil(settings.seconds / STEP_S) + 1)
+        self._steps = 0
+        """How many of the grid's steps are lived."""
+        self._start_ns = time.monotonic_ns() if paced else 0
+        self._info = SourceInfo(
+            name=f"Simulated eyes {settings.seed}, live",
+            t_start_ns=self._start_ns,
+            t_end_ns=self._start_ns + int(self._drawn.t_ns[-1]),
+            notes=("Nobody's eyes: every sample is computed.",),
+            live=paced,
+        )
+
+    @property
+    def info(self) -> SourceInfo:
+        """What this source is."""
+        return self._info
+
+    @property
+    def truth(self) -> Truth:
+        """What the eyes have done so far, labelled; its times run from 0 at `info.t_start_ns`."""
+        lived = slice(self._lived)
+        until_ns = int(self._drawn.t_ns[self._lived - 1]) if self._lived else -1
+        return dataclasses.replace(
+            self._slice(lived, self._diameter_mm[lived]),
+            events=tuple(event for event in self._drawn.events if event.offset_ns <= until_ns),
+        )
+
+    def set_luminance(self, luminance_cd_m2: float, t_ns: int) -> None:
+        """The light before the eyes from a time of this source on, cd/m²; the pupil answers 0.21 s later."""
+        self._reflex.set_luminance((t_ns - self._start_ns) / NS_PER_S, luminance_cd_m2)
+
+    def samples(self) -> Iterator[Item]:
+        """Samples as they are measured: at each time both pupils, then the direction of each eye and of both."""
+        block = max(round(BLOCK_S * self.settings.rate_hz), 1)
+        while self._lived < self._drawn.t_ns.size:
+            groups = self._live(slice(self._lived, self._lived + block))
+            for group in groups:
+                while self._paced and (left_ns := group[0].t_ns - time.monotonic_ns()) > 0:
+                    time.sleep(left_ns / NS_PER_S)
+                yield from group
+            yield Tick(groups[-1][0].t_ns)
+
+    def _live(self, part: slice) -> list[list[PupilSample | GazeSample]]:
+        """The samples of some times, a list for each."""
+        times = self._drawn.t_ns[part]
+        first, last = int(times[0] / NS_PER_S / STEP_S), math.ceil(times[-1] / NS_PER_S / STEP_S)
+        for step in range(self._steps, last + 1):
+            self._grid_mm[step] = self._hippus.next_mm(self._reflex.next_mm())
+        self._steps = max(self._steps, last + 1)
+        grid_s = np.arange(first, last + 1) * STEP_S
+        diameter_mm = np.interp(times / NS_PER_S, grid_s, self._grid_mm[first : last + 1])
+        self._diameter_mm[part] = diameter_mm
+        self._lived += times.size
+        measured = measure(
+            self._noise_rng,
+            self._slice(part, diameter_mm),
+            self.settings.noise_deg,
+            self.settings.diameter_noise_mm,
+        )
+        return _grouped((times + self._start_ns).tolist(), measured)
+
+    def _slice(self, part: slice, diameter_mm: NDArray[np.float64]) -> Truth:
+        drawn = self._drawn
+        return Truth(
+            drawn.events,
+            drawn.t_ns[part],
+            drawn.azimuth_deg[:, part],
+            drawn.elevation_deg[:, part],
+            diameter_mm,
+            drawn.openness[part],
+        )
+
+
+def _grouped(times_ns: list[int], measured: Measured) -> list[list[PupilSample | GazeSample]]:
+    m = measured
+    px = np.maximum(m.diameter_mm, 0.0) * PX_PER_MM
+    pupils = np.stack([m.diameter_mm, m.confidence, m.model_confidence, px, m.openness], axis=-1).tolist()
+    gazes = np.stack([m.azimuth_deg, m.elevation_deg, m.confidence], axis=-1)
+    each, both = gazes.tolist(), gazes.mean(axis=0).tolist()
+    return [
+        [
+            *(PupilSample(t_ns, eye, *pupils[eye][at]) for eye in Eye),
+            *(GazeSample(t_ns, eye, *each[eye][at]) for eye in Eye),
+            GazeSample(t_ns, None, *both[at]),
+        ]
+        for at, t_ns in enumerate(times_ns)
+    ]
