@@ -17,7 +17,7 @@ session: setup
 	$(BIN)/entoptic session
 
 test: setup
-	$(BIN)/pytest
+	$(BIN)/pytest -n auto --dist loadfile
 
 test-all: setup
 	$(BIN)/pytest -m ''

@@ -19,16 +19,7 @@ from numpy.typing import NDArray
 from tracker_bridge.samples import NS_PER_S, Eye, GazeSample, PupilSample
 from tracker_bridge.source import Item, SourceError, SourceInfo, Tick
 from tracker_bridge.sources.simulated import SimulatedEyes, SimulatedSettings
-from tracker_bridge.sources.simulated_pupil import (
-    _FAST_S,
-    _OCTAVES,
-    _P_MAX_MM,
-    _SLOW_S,
-    _SMOOTHING_S,
-    LATENCY_S,
-    STEP_S,
-    watson_yellott_mm,
-)
+from tracker_bridge.sources.simulated_pupil import _OCTAVES, _P_MAX_MM, STEP_S, ReflexSteps, first_step
 from tracker_bridge.sources.simulated_tracker import PX_PER_MM, Measured, measure
 from tracker_bridge.sources.simulated_truth import Truth
 
@@ -40,38 +31,32 @@ _OCTAVE_WEIGHTS = tuple(math.ldexp(1.0, -octave) / (2.0 - math.ldexp(2.0, -_OCTA
 
 
 class LightReflex:
-    """The reflex of simulated_pupil.light_reflex_mm and its unrest, one STEP_S at a time.
+    """The reflex of simulated_pupil.light_reflex_mm, one STEP_S at a time, under light that is set while it runs.
 
     The first luminance has been there for ever.
     """
 
     def __init__(self, luminance_cd_m2: float, field_deg2: float, age_years: float) -> None:
-        self._field_deg2, self._age_years = field_deg2, age_years
-        self._goal = self._fast = self._slow = self._diameter = self._steady(luminance_cd_m2)
+        self._reflex = ReflexSteps(luminance_cd_m2, field_deg2, age_years)
+        self._luminance = luminance_cd_m2
         self._coming: collections.deque[tuple[int, float]] = collections.deque()
         self._step = 0
 
     def set_luminance(self, t_s: float, luminance_cd_m2: float) -> None:
         """The light from a time on; of lights at earlier times than one already set the last to come holds."""
-        at = math.ceil((t_s + LATENCY_S) / STEP_S - 1e-6)
+        at = first_step(t_s)
         while self._coming and self._coming[-1][0] >= at:
             self._coming.pop()
-        self._coming.append((at, self._steady(luminance_cd_m2)))
+        self._coming.append((at, luminance_cd_m2))
 
     def next_mm(self) -> float:
         """The diameter at the present step, without unrest; then one step on."""
-        diameter = self._diameter
+        diameter = self._reflex.diameter_mm
         while self._coming and self._step >= self._coming[0][0]:
-            self._goal = self._coming.popleft()[1]
-        fast, slow = _FAST_S[self._goal >= self._fast], _SLOW_S[self._goal >= self._slow]
-        self._fast += (self._goal - self._fast) * -math.expm1(-STEP_S / fast)
-        self._slow += (self._goal - self._slow) * -math.expm1(-STEP_S / slow)
-        self._diameter += ((self._fast + self._slow) / 2 - self._diameter) * -math.expm1(-STEP_S / _SMOOTHING_S)
+            self._luminance = self._coming.popleft()[1]
+        self._reflex.step(self._luminance)
         self._step += 1
         return diameter
-
-    def _steady(self, luminance_cd_m2: float) -> float:
-        return watson_yellott_mm(luminance_cd_m2, self._field_deg2, self._age_years)
 
 
 class Hippus:
@@ -150,7 +135,7 @@ class SimulatedLiveEyes:
         )
 
     def set_luminance(self, luminance_cd_m2: float, t_ns: int) -> None:
-        """The light before the eyes from a time of this source on, cd/m²; the pupil answers 0.21 s later."""
+        """The light before the eyes from a time of this source on, cd/m²; the pupil answers 0.2 s later."""
         self._reflex.set_luminance((t_ns - self._start_ns) / NS_PER_S, luminance_cd_m2)
 
     def samples(self) -> Iterator[Item]:

@@ -9,8 +9,10 @@ import msgspec
 import numpy as np
 import pytest
 
+from benchmarks import light_reflex
 from tracker_bridge.samples import Eye, GazeSample, PupilSample
 from tracker_bridge.source import SourceError
+from tracker_bridge.sources import simulated_pupil
 from tracker_bridge.sources.simulated import SimulatedEyes, SimulatedSettings
 from tracker_bridge.sources.simulated_gaze import MAIN_SEQUENCE_DEG_S, Movement, positions_deg
 from tracker_bridge.sources.simulated_lid import Blink, draw_blinks, openness_at, visible_area, visible_height
@@ -238,9 +240,11 @@ def test_the_reflex_waits_then_constricts_fast_and_dilates_slowly() -> None:
     t_s = np.arange(0.0, 20.0 + STEP_S / 2, STEP_S)
     bright = light_reflex_mm(20.0, ((0.0, 1.0), (5.0, 1000.0)), 900.0, 30.0)
     dark = light_reflex_mm(20.0, ((0.0, 1000.0), (5.0, 1.0)), 900.0, 30.0)
-    for diameters in (bright, dark):
-        assert (diameters[t_s < 5.0 + LATENCY_S] == diameters[0]).all()
-        assert abs(diameters[np.searchsorted(t_s, 5.0 + LATENCY_S + 0.05)] - diameters[0]) > 0.02
+    for diameters, seen_after_s in ((bright, 0.05), (dark, 0.15)):
+        waiting = t_s < 5.0 + LATENCY_S + STEP_S / 2
+        assert (diameters[waiting] == diameters[0]).all()
+        assert (diameters[~waiting] != diameters[0]).all()
+        assert abs(diameters[np.searchsorted(t_s, 5.0 + LATENCY_S + seen_after_s)] - diameters[0]) > 0.02
 
     def half_way_s(diameters: np.ndarray) -> float:
         half = (diameters[0] + diameters[-1]) / 2
@@ -260,25 +264,51 @@ def test_hippus_is_smooth_and_as_strong_as_told() -> None:
     assert (with_hippus_mm(np.random.default_rng(3), steady, 0.0) == steady).all()
 
 
+@pytest.mark.parametrize("luminance", [12.0, 500.0])
+def test_the_surge_of_the_reflex_is_gone_when_the_light_stays(luminance: float) -> None:
+    diameters = light_reflex_mm(40.0, ((0.0, 10.0), (5.0, luminance)), 900.0, 30.0)
+    settled = watson_yellott_mm(luminance, 900.0, 30.0)
+    assert diameters.min() < settled - 0.02
+    assert diameters[-1] == pytest.approx(settled, abs=0.002)
+
+
+def test_the_reflex_is_the_same_at_any_step(monkeypatch: pytest.MonkeyPatch) -> None:
+    flash = ((0.0, 1.0), (1.0, 500.0), (2.0, 1.0))
+    coarse = light_reflex_mm(8.0, flash, 900.0, 30.0)
+    monkeypatch.setattr(simulated_pupil, "STEP_S", STEP_S / 10)
+    assert light_reflex_mm(8.0, flash, 900.0, 30.0)[::10] == pytest.approx(coarse, abs=0.01)
+
+
 @pytest.mark.shared_data
-def test_the_reflex_follows_measured_responses_to_flashes(shared: Callable[[str], Path]) -> None:
+@pytest.mark.parametrize("power_uw", light_reflex.POWERS_UW)
+def test_the_reflex_follows_measured_responses_to_flashes(shared: Callable[[str], Path], power_uw: int) -> None:
     """Five powers of a 1 s flash in the dark, one factor from power to luminance for all of them.
 
     The background of each series is the light at which its own pupil is as wide as it was before the flash. The last
     0.6 s are left to a wider limit: there the weakest flash leaves the pupil wider than before, which no reflex does.
     """
-    table = np.genfromtxt(shared("plr/plr3000_intensity_series_mean_mm.csv"), delimiter=",", names=True)
-    t_s = table["onset_s"]
-    backgrounds = np.geomspace(1e-3, 1e3, 20_000)
-    sizes = [watson_yellott_mm(luminance, 900.0, 30.0) for luminance in backgrounds]
-    for power_uw in (1, 10, 50, 121, 180):
-        measured = table[f"pupil_mm_{power_uw}uW"]
-        background = float(backgrounds[np.argmin(np.abs(sizes - measured[t_s < 0.0].mean()))])
-        steps = ((0.0, background), (1.0, background + 170.0 * power_uw), (2.0, background))
-        model = light_reflex_mm(10.0, steps, 900.0, 30.0)
-        error = np.abs(np.interp(t_s + 1.0, np.arange(model.size) * STEP_S, model) / measured - 1.0)
-        assert error[t_s < 7.4].max() < 0.095
-        assert error.max() < 0.105
+    t_s, by_power = light_reflex.measured(shared("plr/plr3000_intensity_series_mean_mm.csv"))
+    seen_mm = by_power[power_uw]
+    seen = light_reflex.response(t_s, seen_mm)
+    model_mm = light_reflex.simulated(t_s, power_uw, seen.baseline_mm)
+    model = light_reflex.response(t_s, model_mm)
+    assert model.baseline_mm == pytest.approx(seen.baseline_mm, abs=0.01)
+    assert model.latency_s == pytest.approx(seen.latency_s, rel=0.1)
+    assert model.minimum_mm == pytest.approx(seen.minimum_mm, rel=0.1)
+    assert model.amplitude_mm == pytest.approx(seen.amplitude_mm, rel=0.1)
+    assert model.minimum_s == pytest.approx(seen.minimum_s, rel=0.1)
+    error = np.abs(model_mm / seen_mm - 1.0)
+    assert error[t_s < 7.4].max() < 0.095
+    assert error.max() < 0.105
+
+
+def test_what_is_read_off_a_response() -> None:
+    """Against a triangle: 6 mm until 0.25 s, down by 1 mm/s until 2 s, up again."""
+    t_s = np.arange(-30, 150) / 30.0
+    read = light_reflex.response(t_s, 6.0 - np.interp(t_s, [0.25, 2.0, 4.0], [0.0, 1.75, 0.0]))
+    assert read.latency_s == pytest.approx(0.25 + 0.06, abs=1e-9)
+    assert (read.baseline_mm, read.minimum_s) == (6.0, 2.0)
+    assert (read.minimum_mm, read.amplitude_mm) == pytest.approx((4.25, 1.75))
 
 
 # Truth
