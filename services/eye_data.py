@@ -24,11 +24,12 @@ def open_eyes(
     tracker: TrackerSettings | None = None,
 ) -> Source:
     """The source that `spec` names; `seconds`, `seed` and `luminance` are for simulated eyes. Raises SourceError."""
-    from services import simulated_light
     from tracker_bridge.sources import open_source
     from tracker_bridge.sources.simulated import SimulatedSettings
 
     simulated = SimulatedSettings(seconds=seconds or SIMULATED_SECONDS, seed=seed)
     if luminance is not None:
+        from services import simulated_light
+
         simulated = msgspec.structs.replace(simulated, luminance=simulated_light.read(luminance))
     return open_source(spec, table_map=table_map, simulated=simulated, tracker=tracker)

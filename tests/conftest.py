@@ -1,7 +1,8 @@
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
+import structlog
 
 DATA = Path(__file__).parents[2] / "shared" / "data"
 
@@ -17,3 +18,10 @@ def shared() -> Callable[[str], Path]:
         return path
 
     return path_of
+
+
+@pytest.fixture(autouse=True)
+def _logs_end_with_their_test() -> Iterator[None]:
+    """A command that ran in a test logs to that test's standard error, which is closed behind it."""
+    yield
+    structlog.reset_defaults()

@@ -152,9 +152,10 @@ class Chain:
 
     def _in_time(self, sample: PupilSample | GazeSample) -> bool:
         t_ns, kind = sample.t_ns, (type(sample), sample.eye)
-        if self._now_ns is not None and t_ns > self._now_ns + FUTURE_NS:
-            return False
         if self._latest_ns is not None and t_ns < self._latest_ns - PATIENCE_NS:
+            return False
+        # Between two ticks samples alone show how time passes.
+        if self._now_ns is not None and self._latest_ns is not None and t_ns > self._latest_ns + FUTURE_NS:
             return False
         if t_ns <= self._newest_ns.get(kind, t_ns - 1):
             return False

@@ -106,6 +106,13 @@ def test_a_sample_from_the_future_does_not_make_all_others_late() -> None:
     assert [state.t_ns // MS for state in states] == [0, 5, 10, 15]
 
 
+def test_a_steady_stream_without_ticks_goes_on_for_ever() -> None:
+    chain = Chain(live=True)
+    states = states_of([Tick(0), *both_eyes(1000)], chain)
+    assert chain.late_count == 0
+    assert len(states) == 1000
+
+
 def test_two_eyes_out_of_step_never_turn_time_back() -> None:
     items: list[Item] = []
     for k in range(50):  # the left eye's images come 3 ms after younger ones of the right eye

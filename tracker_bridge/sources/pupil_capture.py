@@ -175,7 +175,8 @@ class Arrivals:
         if self._quiet:
             # Only then: to a reader that comes back from a pause its old messages are no silence.
             yield from self._silence()
-        yield from self._tick()
+        # Nothing more is here: who reads this need not wait for a moment to be whole.
+        yield from self._tick(at_once=not self._quiet)
 
     def _hear(self, news: News) -> Iterator[Item]:
         if isinstance(news, RoundTrip):
@@ -215,7 +216,6 @@ class Arrivals:
             if placed is None:
                 continue
             self._quiet_since_ns = max(message.received_ns, self._quiet_since_ns)
-            self._woken_ns = self._now_ns()
             self._quiet = False
             if self._told is not None:
                 self._told = None
@@ -247,9 +247,9 @@ class Arrivals:
             self._told = reason
             yield SourceSilent(now_ns, reason)
 
-    def _tick(self) -> Iterator[Item]:
+    def _tick(self, *, at_once: bool = False) -> Iterator[Item]:
         now_ns = self._now_ns()
-        if now_ns - self._woken_ns >= TICK_NS:
+        if at_once or now_ns - self._woken_ns >= TICK_NS:
             self._woken_ns = now_ns
             yield Tick(now_ns)
 

@@ -101,7 +101,7 @@ def test_samples_from_before_the_clock_is_known_are_left_out_and_counted() -> No
     assert samples(bench.pupil()) == []
     assert bench.counts[BEFORE_CLOCK] == 1
     assert any(isinstance(item, ClockEstimated) for item in bench.round_trips())
-    assert [type(item) for item in bench.pupil()] == [SourceBack, PupilSample]
+    assert [type(item) for item in bench.pupil()] == [SourceBack, PupilSample, Tick]
 
 
 def test_late_double_and_backward_samples_are_passed_on() -> None:
@@ -194,8 +194,8 @@ def test_nobody_there_is_told_once_and_the_first_sample_ends_it() -> None:
         "Pupil Capture 3.6.14 answers at tcp://lab:50020, its data is at port 1234"
     ]
     assert silences(items) == []
-    assert [type(item) for item in bench.pupil()] == [SourceBack, PupilSample]
-    assert [type(item) for item in bench.pupil()] == [PupilSample]
+    assert [type(item) for item in bench.pupil()] == [SourceBack, PupilSample, Tick]
+    assert [type(item) for item in bench.pupil()] == [PupilSample, Tick]
 
 
 def test_capture_that_dies_is_told_before_and_after_its_remote_was_asked() -> None:
