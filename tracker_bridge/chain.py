@@ -205,15 +205,12 @@ class Chain:
 
     def _compare(self, eye: Eye) -> None:
         """Learns the usual difference between the pupils, right less left, while both are tracked."""
-        right, left = (self._eyes[each].shown for each in Eye)
-        if (
-            right is not None
-            and left is not None
-            and right.phase is left.phase is Phase.TRACKING
-            and right.diameter_mm is not None
-            and left.diameter_mm is not None
-            and eye is Eye.LEFT
-        ):
+        if eye is not Eye.LEFT:
+            return
+        right, left = self._eyes[Eye.RIGHT].shown, self._eyes[Eye.LEFT].shown
+        if right is None or left is None or not right.phase is left.phase is Phase.TRACKING:
+            return
+        if right.diameter_mm is not None and left.diameter_mm is not None:
             self._differences_mm.append(right.diameter_mm - left.diameter_mm)
 
     def _borrowed_mm(self, eye: Eye) -> float | None:
@@ -230,7 +227,8 @@ class Chain:
         self._t_ns = t_ns if self._t_ns is None else max(t_ns, self._t_ns)
         if not self._source_gives_both:
             self._both = self._mean_direction() or self._both
-        right, left = (self._eyes[eye].state(self._borrowed_mm(eye)) for eye in Eye)
+        right = self._eyes[Eye.RIGHT].state(self._borrowed_mm(Eye.RIGHT))
+        left = self._eyes[Eye.LEFT].state(self._borrowed_mm(Eye.LEFT))
         state = EyeState(self._sequence, self._t_ns, right, left, self._both, self._uncertainty_ns)
         self._sequence += 1
         return state

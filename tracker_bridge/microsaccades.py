@@ -78,7 +78,7 @@ class SaccadeDetector:
     def tick(self, t_ns: int) -> tuple[SaccadeEvent, ...]:
         """Time has come so far: ends a movement whose eye is silent."""
         for eye in self._eyes.values():
-            if eye.last_ns < t_ns - eye.patience_ns:
+            if eye.is_silent(t_ns):
                 eye.cut()
         events: list[SaccadeEvent] = []
         if not self._under_way:
@@ -92,6 +92,8 @@ class SaccadeDetector:
 
     def _together(self, t_ns: int) -> Iterable[Movement]:
         """The movements, not told yet, that all eyes which are seen make together."""
+        if all(eye.movement is None or eye.movement.told for eye in self._eyes.values()):
+            return ()
         movements = [eye.movement for eye in self._eyes.values() if eye.sees(t_ns)]
         ready = [m for m in movements if m is not None and not m.told and m.tell_from_ns <= t_ns]
         if not ready or len(ready) < len(movements):

@@ -116,12 +116,15 @@ class OneEye:
 
     def sees(self, t_ns: int) -> bool:
         """Whether a movement of this eye at this time would be noticed."""
-        return t_ns - self._judged_ns <= self.patience_ns
+        return not self._is_past(self._judged_ns, t_ns)
 
-    @property
-    def patience_ns(self) -> int:
-        """How far apart samples may be."""
-        return max(GAP_NS, 3 * self._filter.interval_ns)
+    def is_silent(self, t_ns: int) -> bool:
+        """Whether its next sample is overdue at this time."""
+        return self.last_ns > LONG_AGO_NS and self._is_past(self.last_ns, t_ns)
+
+    def _is_past(self, then_ns: int, now_ns: int) -> bool:
+        """Whether samples then and now are further apart than those of one stretch: GAP_NS, or three intervals."""
+        return now_ns - then_ns > GAP_NS and now_ns - then_ns > 3 * self._filter.interval_ns
 
     def blind(self, t_ns: int) -> None:
         """At this time the direction is not to be trusted; nor is it for a while after."""
@@ -143,7 +146,7 @@ class OneEye:
 
     def step(self, place: Place) -> None:
         """One more place; times must rise."""
-        if LONG_AGO_NS < self.last_ns < place.t_ns - self.patience_ns:
+        if self.is_silent(place.t_ns):
             self.blind(place.t_ns)
         self.last_ns = place.t_ns
         if place.t_ns < self._blind_until_ns:

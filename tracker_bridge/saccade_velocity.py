@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import collections
-import itertools
 import math
 from typing import NamedTuple
 
@@ -124,7 +123,7 @@ class NoiseMeter:
             recent.popleft()
         due = velocity.t_ns - self._updated_ns >= _NOISE_UPDATE_NS
         if due and (self._sigma is not None or velocity.t_ns - recent[0].t_ns >= MIN_NOISE_NS):
-            speeds = np.fromiter(itertools.chain.from_iterable(v[1:] for v in recent), np.float64).reshape(-1, 2)
+            speeds = np.array([(v.azimuth_deg_s, v.elevation_deg_s) for v in recent])
             azimuth, elevation = np.sqrt(np.median(speeds**2, axis=0)).tolist()
             self._sigma, self._updated_ns = (azimuth, elevation), velocity.t_ns
         return self._sigma
