@@ -7,7 +7,6 @@ import csv
 import dataclasses
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import TextIO
 
 import msgspec
 import structlog
@@ -17,11 +16,11 @@ from services.process import Stop
 from tracker_bridge import bridge
 from tracker_bridge.access import ServerKeys
 from tracker_bridge.chain import Chain, Lane
-from tracker_bridge.events import ClockEstimated, Event, Heartbeat, SaccadeOffset, SaccadeOnset
+from tracker_bridge.events import ClockEstimated, Event, Heartbeat, SaccadeOffset, SaccadeOnset, StreamStarted
 from tracker_bridge.publisher import Publisher
 from tracker_bridge.pupil_map import PupilMap
 from tracker_bridge.samples import NS_PER_S, Eye, EyeState, GazeSample, PupilSample
-from tracker_bridge.source import Item, Source
+from tracker_bridge.source import Item, Source, SourceError, SourceInfo
 from tracker_bridge.sources.pupil_recorder import PupilRecorder
 
 STATE_COLUMNS = (
@@ -46,6 +45,8 @@ class BridgeSettings:
 
     states_address: str
     events_address: str
+    replay_address: str | None
+    """A free port of the events' host unless given."""
     control_address: str
     keys: ServerKeys | None
     """Needed to be heard beyond this machine."""
@@ -57,7 +58,7 @@ class BridgeSettings:
     """Starts when somebody has subscribed to both sockets."""
     seconds: float | None
     tables: Path | None
-    """A folder for states.csv and events.csv."""
+    """A folder for states.csv and events.csv; made where it is missing."""
     recording: Path | None
     """A new folder for a recording of Pupil's form."""
 
@@ -65,14 +66,23 @@ class BridgeSettings:
 def run(source: Source, settings: BridgeSettings, stop: Stop, log: structlog.typing.FilteringBoundLogger) -> None:
     """Publishes the source to its end, or until asked to stop.
 
-    Raises PortInUseError, OpenAddressError, or RecordingError where a recording cannot be written.
+    Raises PortInUseError, OpenAddressError, or SourceError where a live source is to wait for its reader, or a
+    recording or a table cannot be written.
     """
-    publisher = Publisher(settings.states_address, settings.events_address, keys=settings.keys)
+    if source.info.live and not settings.real_time:
+        raise SourceError(f"{source.info.name} measures at its own pace and waits for no reader: leave --pace out")
+    publisher = Publisher(
+        settings.states_address,
+        settings.events_address,
+        replay_address=settings.replay_address,
+        keys=settings.keys,
+    )
     live = source.info.live
     with contextlib.ExitStack() as opened:
         opened.callback(publisher.close)
         control = Control(settings.control_address, source, settings.keys, publisher.context)
         opened.callback(control.close)
+        on_record = opened.enter_context(_tables(settings.tables))
         states_at, events_at = publisher.addresses
         log.info("ready", source=source.info.name, states=states_at, events=events_at, control=control.address)
         for remark in source.info.notes:
@@ -80,9 +90,7 @@ def run(source: Source, settings: BridgeSettings, stop: Stop, log: structlog.typ
         chain = Chain(live=live, lane=settings.lane, pupil_map=settings.pupil_map)
         if settings.wait_for_reader:
             publisher.wait_for_reader(stop)
-        on_item = opened.enter_context(_recording(settings.recording, live))
-        start_ns = source.info.t_start_ns
-        on_record = opened.enter_context(_tables(settings.tables, start_ns))
+        on_item = opened.enter_context(_recording(settings.recording, source.info, log))
 
         def note(record: EyeState | Event) -> None:
             on_record(record)
@@ -106,31 +114,59 @@ def run(source: Source, settings: BridgeSettings, stop: Stop, log: structlog.typ
 
 
 @contextlib.contextmanager
-def _recording(folder: Path | None, live: bool) -> Iterator[Callable[[Item], None]]:
+def _recording(
+    folder: Path | None, info: SourceInfo, log: structlog.typing.FilteringBoundLogger
+) -> Iterator[Callable[[Item], None]]:
     """Takes items into a recording, or nowhere without a folder."""
     if folder is None:
         yield lambda item: None
         return
-    with PupilRecorder(folder, start_synced_s=None if live else 0.0) as recorder:
+    with PupilRecorder(folder, start_synced_s=None if info.live else info.t_start_ns / NS_PER_S) as recorder:
 
         def add(item: Item) -> None:
             if isinstance(item, PupilSample | GazeSample):
                 recorder.add(item)
 
         yield add
+        if recorder.unwritable:
+            log.warning("recording", directions_beyond_90_deg_left_out=recorder.unwritable)
 
 
 class _Writer:
-    def __init__(self, states: TextIO, events: TextIO, start_ns: int) -> None:
-        self._states, self._events, self._start_ns = csv.writer(states), csv.writer(events), start_ns
-        self._states.writerow(STATE_COLUMNS)
-        self._events.writerow(EVENT_COLUMNS)
+    def __init__(self, folder: Path) -> None:
+        self._folder = folder
+        self._start_ns = 0
+        self._files = contextlib.ExitStack()
+        with self._named():
+            folder.mkdir(parents=True, exist_ok=True)
+            self._states, self._events = (
+                csv.writer(self._files.enter_context((folder / name).open("w", newline="", encoding="utf-8")))
+                for name in ("states.csv", "events.csv")
+            )
+            self._states.writerow(STATE_COLUMNS)
+            self._events.writerow(EVENT_COLUMNS)
 
     def __call__(self, record: EyeState | Event) -> None:
-        if isinstance(record, EyeState):
-            self._states.writerow(self._state_row(record))
-        elif not isinstance(record, Heartbeat):
-            self._events.writerow(self._event_row(record))
+        if isinstance(record, StreamStarted):
+            self._start_ns = record.t_ns
+        with self._named():
+            if isinstance(record, EyeState):
+                self._states.writerow(self._state_row(record))
+            elif not isinstance(record, Heartbeat):
+                self._events.writerow(self._event_row(record))
+
+    def close(self) -> None:
+        with self._named():
+            self._files.close()
+
+    @contextlib.contextmanager
+    def _named(self) -> Iterator[None]:
+        try:
+            yield
+        except OSError as error:
+            raise SourceError(
+                f"tables in {self._folder} cannot be written: {error.strerror}; make room, or choose another --tables"
+            ) from None
 
     def _state_row(self, state: EyeState) -> list[object]:
         gaze = state.gaze
@@ -171,14 +207,10 @@ def _number(value: float | None) -> str:
 
 
 @contextlib.contextmanager
-def _tables(folder: Path | None, start_ns: int) -> Iterator[Callable[[EyeState | Event], None]]:
+def _tables(folder: Path | None) -> Iterator[Callable[[EyeState | Event], None]]:
     """A writer of states.csv and events.csv, or of nothing without a folder."""
     if folder is None:
         yield lambda record: None
         return
-    with contextlib.ExitStack() as files:
-        states, events = (
-            files.enter_context((folder / name).open("w", newline="", encoding="utf-8"))
-            for name in ("states.csv", "events.csv")
-        )
-        yield _Writer(states, events, start_ns)
+    with contextlib.closing(_Writer(folder)) as writer:
+        yield writer

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -49,7 +50,7 @@ def _draw(axes: Axes, result: EyeResult, screens: Sequence[ShownScreen], start_n
             begin_s + screen.seconds / 2, 0.97, screen.screen.value, ha="center", va="top", fontsize=8,
             transform=axes.get_xaxis_transform(),
         )  # fmt: skip
-    every = max(t_s.size // _MOST_DOTS, 1)
+    every = max(math.ceil(t_s.size / _MOST_DOTS), 1)
     axes.plot(t_s[::every], trace.measured[::every], ".", ms=1.5, color="#999999")
     axes.plot(t_s, trace.tracked, color=colour, lw=1.2)
     for window in result.windows:

@@ -13,7 +13,7 @@ import msgspec
 import zmq
 
 from tracker_bridge.access import ClientKeys, ServerKeys, refuse_open
-from tracker_bridge.publisher import MAX_REQUEST_BYTES, PortInUseError
+from tracker_bridge.publisher import MAX_REQUEST_BYTES, PortInUseError, bind
 from tracker_bridge.source import SourceError
 
 PATIENCE_MS = 2000
@@ -82,12 +82,10 @@ class Control:
         if keys is not None:
             keys.use(self._socket)
         try:
-            self._socket.bind(address)
-        except zmq.ZMQError as error:
+            bind(self._socket, address)
+        except PortInUseError:
             self._socket.close()
-            raise PortInUseError(
-                f"cannot listen on {address}: {error.strerror}; choose another port, or tcp://127.0.0.1:* for any"
-            ) from None
+            raise
 
     @property
     def address(self) -> str:
@@ -95,8 +93,8 @@ class Control:
         return self._socket.getsockopt_string(zmq.LAST_ENDPOINT)
 
     def attend(self) -> None:
-        """Answers what has come. Costs 2 µs where nothing has."""
-        while self._socket.poll(0):
+        """Answers one request that has come: whoever asks without end holds nothing up. Costs 2 µs where none has."""
+        if self._socket.poll(0):
             reply = self._answer(b"".join(self._socket.recv_multipart()))
             self._socket.send(msgspec.msgpack.encode(reply))
 

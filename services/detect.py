@@ -147,7 +147,7 @@ def read_labels(path: Path) -> list[Span]:
     Raises SourceError that names the file and the line.
     """
     try:
-        lines = path.read_text(encoding="utf-8").splitlines()
+        lines = path.read_text(encoding="utf-8-sig").splitlines()
     except (OSError, UnicodeDecodeError) as error:
         raise SourceError(f"labels {path} cannot be read: {error}. Name a CSV file") from None
     rows = csv.DictReader(lines)
@@ -155,7 +155,7 @@ def read_labels(path: Path) -> list[Span]:
     unit, to_ns = ("ns", 1.0) if {"onset_ns", "offset_ns"} <= columns else ("s", 1e9)
     if not {f"onset_{unit}", f"offset_{unit}"} <= columns:
         raise SourceError(f"labels {path}: its first line must name the columns onset_s and offset_s, or both in _ns")
-    return [_label(row, unit, to_ns, f"labels {path}, line {number}") for number, row in enumerate(rows, 2)]
+    return [_label(row, unit, to_ns, f"labels {path}, line {rows.line_num}") for row in rows]
 
 
 def _label(row: Mapping[str, str | None], unit: str, to_ns: float, where: str) -> Span:

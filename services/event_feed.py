@@ -4,7 +4,7 @@ Theory of operation: an event that does not follow the last one, or a heartbeat 
 Until it is closed, what comes by the socket is only noted for its number, since the replay has it too. Nothing here
 waits for the replay: a request is out or its answer is in. A reader that comes late has a gap from the first event on,
 and so learns how the stream began. Events that cannot be had again, because the bridge keeps them no more or does not
-answer, are counted as lost.
+answer, or because they cannot be read, are counted as lost.
 """
 
 from __future__ import annotations
@@ -17,6 +17,7 @@ import zmq
 
 from tracker_bridge import wire
 from tracker_bridge.access import ClientKeys
+from tracker_bridge.publisher import KEEPALIVE
 from tracker_bridge.wire import Event, Heartbeat, NumberedEvent
 
 ANSWER_WITHIN_S = 2.0
@@ -56,12 +57,8 @@ class EventFeed:
         self._read_event = wire.Reader(wire.decode_event)
         self._read_answer = wire.Reader(wire.decode_answer)
         self._stream: _Stream | None = None
-        self.heartbeat: Heartbeat | None = None
-        """The newest."""
         self.heard_s: float | None = None
         """When the bridge last said anything here, by `time.monotonic`."""
-        self.streams = 0
-        """How many bridges there were one after the other, of which `read` returned events."""
         self.gaps = 0
         """How often events were missing that came after some which were there."""
         self.lost = 0
@@ -70,8 +67,8 @@ class EventFeed:
     def _open(self, kind: int) -> zmq.Socket[bytes]:
         socket = self._context.socket(kind)
         socket.setsockopt(zmq.LINGER, 0)
-        socket.setsockopt(zmq.TCP_KEEPALIVE, 1)
-        socket.setsockopt(zmq.TCP_KEEPALIVE_IDLE, 10)
+        for option, value in KEEPALIVE:
+            socket.setsockopt(option, value)
         if self._keys is not None:
             self._keys.use(socket)
         return socket
@@ -119,9 +116,7 @@ class EventFeed:
             stream = self._begin(numbered)
         had_gap = stream.known > stream.last
         stream.known = max(stream.known, numbered.sequence)
-        if isinstance(numbered.event, Heartbeat):
-            self.heartbeat = numbered.event
-        elif numbered.sequence == stream.last + 1:
+        if not isinstance(numbered.event, Heartbeat) and numbered.sequence == stream.last + 1:
             stream.last += 1
             return [numbered.event]
         if not had_gap and stream.known > stream.last > 0:
@@ -131,8 +126,6 @@ class EventFeed:
     def _begin(self, numbered: NumberedEvent) -> _Stream:
         if self._stream is not None:
             self.lost += self._stream.known - self._stream.last
-        self.streams += 1
-        self.heartbeat = None
         self._close_requests()
         address = f"{_host(self._address)}:{numbered.replay_port}"
         self._stream = _Stream(numbered.stream, address)
@@ -187,12 +180,17 @@ class EventFeed:
     def _replayed(self, messages: tuple[bytes, ...]) -> list[Event]:
         assert self._stream is not None
         events: list[Event] = []
+        unread = 0
         for message in messages:
             numbered = self._read_event.read(message)
-            if numbered is not None and numbered.stream == self._stream.number:
+            if numbered is None:
+                # Passed over as soon as the next one shows that it stood in its place.
+                unread += 1
+            elif numbered.stream == self._stream.number:
                 self._stream.known = max(self._stream.known, numbered.sequence)
-                if numbered.sequence == self._stream.last + 1:
-                    self._stream.last += 1
+                if numbered.sequence == self._stream.last + unread + 1:
+                    self.lost += unread
+                    self._stream.last, unread = numbered.sequence, 0
                     events.append(numbered.event)
         return events
 

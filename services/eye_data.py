@@ -24,11 +24,14 @@ def open_eyes(
     tracker: TrackerSettings | None = None,
 ) -> Source:
     """The source that `spec` names; `seconds`, `seed` and `luminance` are for simulated eyes. Raises SourceError."""
-    from tracker_bridge.sources import open_source
+    from tracker_bridge.source import SourceError
+    from tracker_bridge.sources import SIMULATED, USB_SIMULATED, open_source
     from tracker_bridge.sources.simulated import SimulatedSettings
 
     simulated = SimulatedSettings(seconds=seconds or SIMULATED_SECONDS, seed=seed)
     if luminance is not None:
+        if spec.removeprefix(USB_SIMULATED) != SIMULATED:
+            raise SourceError(f"{spec} has pupils that no luminance drives: leave it out, or name {SIMULATED}")
         from services import simulated_light
 
         simulated = msgspec.structs.replace(simulated, luminance=simulated_light.read(luminance))

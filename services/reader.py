@@ -11,6 +11,7 @@ from zmq.utils.monitor import recv_monitor_message
 from services.event_feed import EventFeed
 from tracker_bridge import wire
 from tracker_bridge.access import ClientKeys
+from tracker_bridge.publisher import KEEPALIVE
 from tracker_bridge.wire import EyeState, StreamEnded, StreamStarted
 
 SILENCE_S = 10.0
@@ -51,12 +52,11 @@ class StateReader:
     ) -> None:
         self._context: zmq.Context[zmq.Socket[bytes]] = zmq.Context()
         self._addresses = f"{states_address} and {events_address}"
-        self._newest_only = newest_only
         self._states = self._context.socket(zmq.SUB)
         self._states.setsockopt(zmq.LINGER, 0)
         self._states.setsockopt(zmq.CONFLATE, int(newest_only))
-        self._states.setsockopt(zmq.TCP_KEEPALIVE, 1)
-        self._states.setsockopt(zmq.TCP_KEEPALIVE_IDLE, 10)
+        for option, value in KEEPALIVE:
+            self._states.setsockopt(option, value)
         if keys is not None:
             keys.use(self._states)
         # Before the connection: what fails on the way in is only said once.

@@ -13,6 +13,8 @@ from zmq.utils import z85
 
 ZAP_ADDRESS = "inproc://zeromq.zap.01"
 """Where libzmq asks whether a client may come in (ZeroMQ RFC 27)."""
+ZAP_DOMAIN = "entoptic"
+"""A socket has to have one for libzmq to shut everybody out while nobody answers there; it lets everybody in else."""
 
 
 class OpenAddressError(Exception):
@@ -30,7 +32,9 @@ class ServerKeys(msgspec.Struct, frozen=True):
     removed while the bridge runs."""
 
     def use(self, socket: zmq.Socket[bytes]) -> None:
-        """For a socket that is not bound yet, in a context where `zap_reply` is asked."""
+        """For a socket that is not bound yet, where `zap_reply` is asked; without an answer nobody gets in."""
+        socket.setsockopt_string(zmq.ZAP_DOMAIN, ZAP_DOMAIN)
+        socket.setsockopt(zmq.ZAP_ENFORCE_DOMAIN, 1)
         socket.curve_server = True
         socket.curve_publickey, socket.curve_secretkey = self.public, self.secret
 
@@ -80,8 +84,12 @@ def zap_reply(request: Sequence[bytes], keys: ServerKeys) -> list[bytes]:
 
 
 def is_known(public: bytes, clients: Path) -> bool:
-    """Whether a public key lies in the folder; a file there that cannot be read lets nobody in."""
-    for path in clients.glob("*.key"):
+    """Whether a public key lies in the folder; what cannot be read there, be it the folder, lets nobody in."""
+    try:
+        paths = list(clients.glob("*.key"))
+    except OSError:
+        return False
+    for path in paths:
         try:
             if load_certificate(path)[0] == public:
                 return True

@@ -33,7 +33,8 @@ def run(
 
     A live source's states go out as they are made. A recording's in real time go out when their recorded time has
     come; otherwise as fast as the slowest reader takes them, and nobody misses one. `on_item` sees every item before
-    the chain does, `on_record` every state and event that is published, `between` is called at least every 100 ms.
+    the chain does, `on_record` every state and event that is published, `between` is called between items, and at least
+    every 100 ms where the bridge does not wait for a reader.
     """
     info = source.info
     live = info.live
@@ -45,7 +46,8 @@ def run(
 
     def publish(record: EyeState | Event) -> None:
         nonlocal count, t_ns
-        t_ns = record.t_ns
+        # An event may be told late; time does not go back for it.
+        t_ns = max(record.t_ns, t_ns)
         on_record(record)
         if isinstance(record, EyeState):
             count += 1
@@ -65,7 +67,8 @@ def run(
     with contextlib.closing(_items(source)) as items:
         for item in items:
             attend()
-            if stopped() or (end_ns is not None and item.t_ns > end_ns):
+            # A live sample may say any time: only the clock ends a live stream.
+            if stopped() or (end_ns is not None and (time.monotonic_ns() if live else item.t_ns) > end_ns):
                 break
             if real_time and not live:
                 _sleep_until(begun_ns + item.t_ns - start_ns, stopped, attend)

@@ -20,6 +20,7 @@ FINISHED, NOT_SHOWN and ABORTED are final.
 
 from __future__ import annotations
 
+import collections
 import enum
 import itertools
 
@@ -31,6 +32,9 @@ SHOWN_WITHIN_NS = 3 * NS_PER_S
 """A display that has not answered by then shows nothing. Engineering choice: many frames, and time to reconnect."""
 LATE_SAMPLES_NS = 200_000_000
 """How long samples of the last screen may still be on their way. Engineering choice: twice what trackers need."""
+PAUSED_SAMPLES = 2000
+"""Kept of a pause, which may last for hours. Engineering choice: 2.5 s of both eyes at 400 Hz, so that whatever filters
+them has found the pupil again before the next screen."""
 USE_LAST_S = 4.0
 """How much of a screen's end is measured. Hippus has periods of seconds: of 200 simulated runs 2 to 8 % of those with
 3 s of it were refused as drifting, of those with 4 s none."""
@@ -173,7 +177,8 @@ class Calibration:
         self.protocol = protocol
         self.stage = Stage.READY
         self.samples: list[PupilSample] = []
-        """All since the start, as they came."""
+        """All since the start, as they came, but for those of a pause longer than the newest `PAUSED_SAMPLES`."""
+        self._paused: collections.deque[PupilSample] = collections.deque(maxlen=PAUSED_SAMPLES)
         self.shown_screens: list[ShownScreen] = []
         """Those shown to their end, one a step that is over."""
         self._ids = itertools.count(1)
@@ -199,7 +204,9 @@ class Calibration:
 
     def sample(self, sample: PupilSample) -> None:
         """A sample has arrived."""
-        if self.stage is not Stage.READY and not self.stage.is_final:
+        if self.stage is Stage.PAUSED:
+            self._paused.append(sample)
+        elif self.stage is not Stage.READY and not self.stage.is_final:
             self.samples.append(sample)
 
     def shown(self, screen_id: int, shown_ns: int, t_ns: int) -> None:
@@ -233,7 +240,11 @@ class Calibration:
 
     def resume(self, t_ns: int) -> Commands:
         """Shows the step that was paused from its beginning."""
-        return self._ask(t_ns) if self.stage is Stage.PAUSED else ()
+        if self.stage is not Stage.PAUSED:
+            return ()
+        self.samples += self._paused
+        self._paused.clear()
+        return self._ask(t_ns)
 
     def abort(self) -> Commands:
         """Ends without a result."""

@@ -22,6 +22,7 @@ from tracker_bridge.calibration import Protocol, Screen, ShownScreen, Stage, Sta
 from tracker_bridge.dropout import DropoutFilter
 from tracker_bridge.pupil_map import WHITE_PX_AS_MM, Unit, in_provisional_mm
 from tracker_bridge.samples import NS_PER_S, Eye, Phase, PupilSample
+from tracker_bridge.trust import MIN_CONFIDENCE
 
 Floats = NDArray[np.float64]
 
@@ -36,8 +37,6 @@ MIN_SPAN_MM = 1.0
 MAX_EYES_MM = 1.0
 """Between the eyes' diameters, and between their spans. Pupils of healthy people differ by 0.4 mm in a fifth of them
 and rarely by more than 1 mm (Lam, Thompson & Corbett 1987, Am. J. Ophthalmol. 104, 69)."""
-_PX_CONFIDENCE = 0.6
-"""Pixels that fix the provisional scale. Engineering choice: below it Pupil Capture's diameters are noise."""
 _SLOPE_BLOCK_S = 0.1
 
 
@@ -202,7 +201,7 @@ def _px_per_mm(samples: Sequence[PupilSample], screens: Sequence[ShownScreen]) -
         for sample in samples
         if sample.diameter_px is not None
         and sample.diameter_px > 0
-        and sample.confidence >= _PX_CONFIDENCE
+        and sample.confidence >= MIN_CONFIDENCE
         and any(start <= sample.t_ns < end for start, end in windows)
     ]
     return float(np.median(white)) / WHITE_PX_AS_MM if white else 1.0

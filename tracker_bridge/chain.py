@@ -13,21 +13,20 @@ import enum
 import statistics
 from collections.abc import Iterable, Iterator
 
-from tracker_bridge.dropout import DropoutFilter, Shown
+from tracker_bridge.dropout import DropoutFilter, Shown, slewed_mm
 from tracker_bridge.events import (
     ClockEstimated,
     ClockJumped,
     Event,
     SourceSilent,
 )
-from tracker_bridge.microsaccades import COVERED, SaccadeDetector
+from tracker_bridge.microsaccades import COVERED, MIN_CONFIDENCE, SaccadeDetector
 from tracker_bridge.pupil_map import PupilMap
 from tracker_bridge.recording_lane import RecordingLane
 from tracker_bridge.samples import Direction, Eye, EyeState, GazeSample, OneEyeState, Phase, PupilSample
 from tracker_bridge.source import Item, Tick
+from tracker_bridge.trust import DIAMETER_RANGE_MM
 
-MIN_GAZE_CONFIDENCE = 0.6
-"""As for pupils: below it a direction is the detector's guess."""
 SAME_TIME_NS = 50_000_000
 """Two eyes' samples within it count as of one moment: a tracker at 30 Hz takes its eyes 33 ms apart at most."""
 PATIENCE_NS = 250_000_000
@@ -45,6 +44,8 @@ class _EyeMemory:
     shown: Shown | None = None
     sample: PupilSample | None = None
     gaze: Direction | None = None
+    lent: tuple[int, float] | None = None
+    """What of the other eye's pupil was shown in this one's stead, mm, and when; None where this one's own was."""
 
     def state(self, borrowed_mm: float | None) -> OneEyeState:
         if self.sample is None or self.shown is None:
@@ -83,7 +84,7 @@ class Chain:
         self._differences_mm: collections.deque[float] = collections.deque(maxlen=DIFFERENCE_COUNT)
         self._saccades = SaccadeDetector()
         self._both: Direction | None = None
-        self._source_gives_both = False
+        self._given_both: Direction | None = None
         self._uncertainty_ns: int | None = None if live else 0
         self._newest_ns: dict[tuple[type, Eye | None], int] = {}
         self._t_ns: int | None = None
@@ -166,6 +167,8 @@ class Chain:
     def _pupil(self, sample: PupilSample) -> Iterator[Event]:
         memory = self._eyes[sample.eye]
         sample = sample if self._pupil_map is None else self._pupil_map.apply(sample)
+        if memory.lent is not None:
+            memory.filter.has_shown(*memory.lent)
         memory.sample, memory.shown = sample, memory.filter.step(sample)
         self._compare(sample.eye)
         yield from memory.shown.events
@@ -174,11 +177,11 @@ class Chain:
 
     def _gaze(self, sample: GazeSample) -> Iterator[Event]:
         yield from self._saccades.step(sample)
-        if sample.confidence < MIN_GAZE_CONFIDENCE:
+        if sample.confidence < MIN_CONFIDENCE:
             return
         direction = Direction(sample.azimuth_deg, sample.elevation_deg, sample.t_ns)
         if sample.eye is None:
-            self._both, self._source_gives_both = direction, True
+            self._given_both = direction
         else:
             self._eyes[sample.eye].gaze = direction
 
@@ -216,28 +219,51 @@ class Chain:
     def _borrowed_mm(self, eye: Eye) -> float | None:
         """What a lost eye shows: both irises are driven alike, so the other pupil is the best guess there is."""
         own, other = self._eyes[eye].shown, self._eyes[Eye(1 - eye)].shown
-        if (own is not None and own.phase is not Phase.LOST) or other is None or other.phase is not Phase.TRACKING:
+        if (own is not None and own.phase is not Phase.LOST) or other is None or other.phase is Phase.LOST:
             return None
         if other.diameter_mm is None:
             return None
         difference_mm = statistics.median(self._differences_mm) if self._differences_mm else 0.0
-        return max(other.diameter_mm + (difference_mm if eye is Eye.RIGHT else -difference_mm), 1.0)
+        low_mm, high_mm = DIAMETER_RANGE_MM
+        return min(max(other.diameter_mm + (difference_mm if eye is Eye.RIGHT else -difference_mm), low_mm), high_mm)
+
+    def _lend(self, eye: Eye, t_ns: int) -> float | None:
+        """What a lost eye shows of the other's pupil at t_ns: a jump there would flicker."""
+        memory, target_mm = self._eyes[eye], self._borrowed_mm(eye)
+        if target_mm is None:
+            memory.lent = None
+            return None
+        before = memory.lent
+        if before is None and memory.shown is not None and memory.shown.diameter_mm is not None:
+            before = memory.shown.t_ns, memory.shown.diameter_mm
+        if before is not None:
+            target_mm = slewed_mm(before, t_ns, target_mm)
+        memory.lent = t_ns, target_mm
+        return target_mm
 
     def _state(self, t_ns: int) -> EyeState:
-        self._t_ns = t_ns if self._t_ns is None else max(t_ns, self._t_ns)
-        if not self._source_gives_both:
-            self._both = self._mean_direction() or self._both
-        right = self._eyes[Eye.RIGHT].state(self._borrowed_mm(Eye.RIGHT))
-        left = self._eyes[Eye.LEFT].state(self._borrowed_mm(Eye.LEFT))
-        state = EyeState(self._sequence, self._t_ns, right, left, self._both, self._uncertainty_ns)
+        self._t_ns = t_ns = t_ns if self._t_ns is None else max(t_ns, self._t_ns)
+        self._look(t_ns)
+        right = self._eyes[Eye.RIGHT].state(self._lend(Eye.RIGHT, t_ns))
+        left = self._eyes[Eye.LEFT].state(self._lend(Eye.LEFT, t_ns))
+        state = EyeState(self._sequence, t_ns, right, left, self._both, self._uncertainty_ns)
         self._sequence += 1
         return state
 
-    def _mean_direction(self) -> Direction | None:
-        """Where a source gives each eye's gaze but not both eyes' together: the mean of the eyes lately seen."""
+    def _look(self, t_ns: int) -> None:
+        """Where both eyes look: as the source gives it; while it sees one eye alone, where that one looks."""
+        newest = given = self._given_both
+        if given is None or t_ns - given.t_ns > SAME_TIME_NS:
+            mean = self._mean_direction(t_ns)
+            if mean is not None and (given is None or mean.t_ns - given.t_ns > SAME_TIME_NS):
+                newest = mean
+        if newest is not None and (self._both is None or newest.t_ns >= self._both.t_ns):
+            self._both = newest
+
+    def _mean_direction(self, t_ns: int) -> Direction | None:
+        """The mean of the eyes lately seen."""
         directions = [memory.gaze for memory in self._eyes.values() if memory.gaze is not None]
-        newest_ns = self._t_ns or 0
-        fresh = [direction for direction in directions if newest_ns - direction.t_ns <= SAME_TIME_NS]
+        fresh = [direction for direction in directions if t_ns - direction.t_ns <= SAME_TIME_NS]
         if not fresh:
             return None
         return Direction(

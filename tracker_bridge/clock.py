@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import collections
 import dataclasses
+import time
 
 from tracker_bridge.events import ClockEstimated, ClockJumped
 from tracker_bridge.samples import NS_PER_S
@@ -31,8 +32,8 @@ SETTLED_AFTER = 4
 BEST_OF = 8
 """Of so many round trips the shortest bounds the uncertainty: a mean would take in the slow ones."""
 REPORT_EVERY_NS = NS_PER_S
-_LEAST_ERROR_NS = 1_000
-"""No clock is read more finely across two processes."""
+_LEAST_ERROR_NS = max(1_000, round(time.get_clock_info("monotonic").resolution * NS_PER_S))
+"""No clock is read more finely across two processes, nor than it ticks: in steps of 16 ms on some systems."""
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
@@ -176,7 +177,7 @@ class ArrivalClock(_Clock):
         """One sample: taken at this time of its source's clock, here at this time of the bridge's.
 
         A clock set forwards shows at once, or when its times run backwards; one set back otherwise only looks late,
-        and is taken for set when a second of samples was equally late.
+        and is taken for set when a second of samples was equally late. After a pause that second is one of its own.
         """
         bound_ns = received_ns - source_ns - self._least_delay_ns
         point = _Point(source_ns, bound_ns, max(self._least_delay_ns, _LEAST_ERROR_NS))
@@ -194,6 +195,8 @@ class ArrivalClock(_Clock):
         if backwards or earlier_ns > JUMP_NS:
             self._begin(received_ns, is_first=True)
             return self._jump(point, received_ns)
+        if self._least is None and received_ns >= self._until_ns:
+            self._begin(received_ns)
         if self._least is None or bound_ns < self._least.offset_ns:
             self._least = point
         self._greatest_ns = max(self._greatest_ns, bound_ns)

@@ -35,7 +35,8 @@ class Course:
             speed = sum(t * d for t, d in away) / spread
             # The variance of the speed, from what a straight line leaves over: noise alone is no movement.
             variance = sum((d - speed * t) ** 2 for t, d in away) / (len(near) - 2) / spread
-            speed *= 1.0 - min(variance / speed**2, 1.0) if speed != 0.0 else 0.0
+            power = speed**2
+            speed *= 1.0 - min(variance / power, 1.0) if power > 0.0 else 0.0
             limit = IRIS_SPEED_PER_S * mean
             self._speed = min(max(speed, -limit), limit)
             self._from = mean - self._speed * mean_s

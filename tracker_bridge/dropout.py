@@ -105,6 +105,10 @@ class DropoutFilter:
         events = self._pass_time(t_ns)
         return self._as_shown(t_ns, events, None, None) if events or self._phase is not before else None
 
+    def has_shown(self, t_ns: int, diameter_mm: float) -> None:
+        """Another diameter was shown instead while the pupil was lost: its own goes on from there."""
+        self._shown, self._catching_up = (t_ns, diameter_mm), True
+
     def _pass_time(self, t_ns: int) -> list[Event]:
         """What silence up to t_ns makes of the pupil."""
         if self._newest is None or t_ns - self._newest.t_ns < SILENT_AFTER_NS:
@@ -202,10 +206,15 @@ class DropoutFilter:
         else:
             target_mm = None
         if target_mm is not None and self._shown is not None and (self._catching_up or self._absence is not None):
-            then_ns, then_mm = self._shown
-            step_mm = SLEW_MM_S * (t_ns - then_ns) * 1e-9
-            self._catching_up = abs(target_mm - then_mm) > step_mm
-            target_mm = min(max(target_mm, then_mm - step_mm), then_mm + step_mm)
+            reached_mm = slewed_mm(self._shown, t_ns, target_mm)
+            self._catching_up, target_mm = reached_mm != target_mm, reached_mm
         if target_mm is not None:
             self._shown = (t_ns, target_mm)
         return target_mm
+
+
+def slewed_mm(shown: tuple[int, float], t_ns: int, target_mm: float) -> float:
+    """How near a diameter that was shown before (t_ns, mm) comes to another one by t_ns, at SLEW_MM_S."""
+    then_ns, then_mm = shown
+    step_mm = SLEW_MM_S * max(t_ns - then_ns, 0) * 1e-9
+    return min(max(target_mm, then_mm - step_mm), then_mm + step_mm)

@@ -175,7 +175,7 @@ class Heartbeat(msgspec.Struct, frozen=True, tag=True):
     state_count: Count
     """How many states were published so far."""
     late_samples: Count
-    """Samples that came too late, twice or backwards, and were left out."""
+    """Samples that came too late, twice, backwards or from the future, and were left out."""
 
 
 SourceEvent = SourceSilent | SourceBack | ClockEstimated | ClockJumped | TrackerTask | TrackerStatus

@@ -40,8 +40,8 @@ OWN_DIRECTIONS_NS = 500_000_000
 class SaccadeDetector:
     """Feed it all directions of gaze, in the order of time for each eye.
 
-    Every SaccadeOnset is followed by one SaccadeOffset with the same `onset_ns`, before the next SaccadeOnset; where a
-    blink or a gap cuts a movement short, its offset is the last that was seen of it.
+    Every SaccadeOnset is followed by one SaccadeOffset with the same `onset_ns`, before the next SaccadeOnset, unless
+    the stream ends first; where a blink or a gap cuts a movement short, its offset is the last that was seen of it.
     """
 
     def __init__(self, settings: SaccadeSettings | None = None) -> None:

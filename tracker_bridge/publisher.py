@@ -52,6 +52,16 @@ class PortInUseError(Exception):
     """An address cannot be bound: the message names it and the remedy."""
 
 
+def bind(socket: zmq.Socket[bytes], address: str) -> None:
+    """Has a socket listen. Raises PortInUseError."""
+    try:
+        socket.bind(address)
+    except zmq.ZMQError as error:
+        raise PortInUseError(
+            f"cannot listen on {address}: {error.strerror}; choose another port, or tcp://127.0.0.1:* for any"
+        ) from None
+
+
 class Publisher:
     """Publishes states and numbered events, and answers for lost ones. All methods are for one thread.
 
@@ -68,6 +78,10 @@ class Publisher:
     ) -> None:
         """Without `replay_address` lost events are to be had at a free port of the events' host."""
         replay_address = replay_address or _another_port(events_address)
+        if not replay_address.startswith("tcp://"):
+            raise PortInUseError(
+                f"cannot listen on {replay_address}: lost events go by TCP alone; give an address like tcp://127.0.0.1:5557"
+            )
         if keys is None:
             access.refuse_open((states_address, events_address, replay_address))
         self._context: zmq.Context[zmq.Socket[bytes]] = zmq.Context()
@@ -105,16 +119,11 @@ class Publisher:
             socket.setsockopt(zmq.RCVHWM, ANSWER_QUEUE)
         if keys is not None:
             keys.use(socket)
-        try:
-            socket.bind(address)
-        except zmq.ZMQError as error:
-            raise PortInUseError(
-                f"cannot listen on {address}: {error.strerror}; choose another port, or tcp://127.0.0.1:* for any"
-            ) from None
+        bind(socket, address)
         return socket
 
     def _open_door(self) -> zmq.Socket[bytes]:
-        """Before any socket is bound: libzmq lets everybody in while nobody answers here."""
+        """Before any socket is bound: libzmq shuts everybody out while nobody answers here."""
         door = self._context.socket(zmq.REP)
         door.setsockopt(zmq.LINGER, 0)
         door.bind(access.ZAP_ADDRESS)

@@ -89,7 +89,8 @@ class PupilMap(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     def apply(self, sample: PupilSample) -> PupilSample:
         """The sample that the filter should see: pixels become provisional millimetres, millimetres stay.
 
-        A sample without pixels, or of an eye that was not calibrated, stays as it is.
+        A sample of an eye that was not calibrated stays as it is; one without pixels says nothing of the diameter
+        where the map is in pixels, since millimetres of its own would be none of these.
         """
         one = self.of(sample.eye)
         if self.unit == "mm" or one is None:
@@ -125,7 +126,7 @@ class PupilMap(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 def in_provisional_mm(sample: PupilSample, px_per_mm: float) -> PupilSample:
-    """A sample that has pixels alone, with them as millimetres."""
+    """A sample with its pixels as millimetres, whatever millimetres it has of its own."""
     diameter_mm = None if sample.diameter_px is None else sample.diameter_px / px_per_mm
     return msgspec.structs.replace(sample, diameter_mm=diameter_mm)
 

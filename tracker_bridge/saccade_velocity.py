@@ -121,8 +121,10 @@ class NoiseMeter:
         recent.append(velocity)
         while recent[0].t_ns < velocity.t_ns - NOISE_WINDOW_NS:
             recent.popleft()
-        due = velocity.t_ns - self._updated_ns >= _NOISE_UPDATE_NS
-        if due and (self._sigma is not None or velocity.t_ns - recent[0].t_ns >= MIN_NOISE_NS):
+        since_ns, wait_ns = (
+            (recent[0].t_ns, MIN_NOISE_NS) if self._sigma is None else (self._updated_ns, _NOISE_UPDATE_NS)
+        )
+        if velocity.t_ns - since_ns >= wait_ns:
             speeds = np.array([(v.azimuth_deg_s, v.elevation_deg_s) for v in recent])
             azimuth, elevation = np.sqrt(np.median(speeds**2, axis=0)).tolist()
             self._sigma, self._updated_ns = (azimuth, elevation), velocity.t_ns

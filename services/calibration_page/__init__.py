@@ -31,6 +31,8 @@ from tracker_bridge.publisher import PortInUseError
 
 _FOLDER = Path(__file__).parent
 _FILES = {"/": "page.html", "/page.css": "page.css", "/page.js": "page.js"}
+_HEADERS = {"Cache-Control": "no-store", "X-Frame-Options": "DENY"}
+"""The next release's page must not be this one's; and nobody else's page must take the one place, in a frame."""
 LOOPBACK = ("127.0.0.1", "localhost")
 """Hosts that no other machine reaches."""
 _REFUSED = 1008
@@ -45,8 +47,7 @@ def app(commands_address: str, answers_address: str, hosts: tuple[str, ...] = LO
     taken = asyncio.Lock()
 
     async def file(request: Request) -> FileResponse:
-        # Not cached: the next release's page must not be this one's.
-        return FileResponse(_FOLDER / _FILES[request.url.path], headers={"Cache-Control": "no-store"})
+        return FileResponse(_FOLDER / _FILES[request.url.path], headers=_HEADERS)
 
     async def display(page: WebSocket) -> None:
         await page.accept()
@@ -81,15 +82,18 @@ async def _relay(page: WebSocket, commands_address: str, answers_address: str) -
     try:
         while True:
             said = await page.receive_text()
-            # What is no JSON is no message either; what it means is for the calibration to check.
-            with contextlib.suppress(msgspec.DecodeError):
+            # What is no JSON, is nested endlessly or holds a number of more than 64 bits is no message; what a message
+            # means is for the calibration to check.
+            with contextlib.suppress(msgspec.DecodeError, RecursionError, OverflowError):
                 await answers.send(msgspec.msgpack.encode(msgspec.json.decode(said)))
-    except WebSocketDisconnect:
-        await answers.send(msgspec.msgpack.encode({"request": "pause"}))
+    except (WebSocketDisconnect, KeyError):
+        pass  # KeyError: what it said was no text
     finally:
         sending.cancel()
         with contextlib.suppress(asyncio.CancelledError, RuntimeError, WebSocketDisconnect):
             await sending
+        # However the page went away: nobody sees the screen any more.
+        await answers.send(msgspec.msgpack.encode({"request": "pause"}))
         context.destroy(linger=500)
 
 

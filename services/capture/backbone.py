@@ -71,6 +71,7 @@ def notification(frames: list[bytes]) -> dict[str, Any] | None:
         return None
     try:
         contents = msgpack.unpackb(frames[1], strict_map_key=False)
-    except (ValueError, msgpack.UnpackException):
+    except (ValueError, TypeError, msgpack.UnpackException):
+        # TypeError: a map whose key is a list.
         return None
     return contents if isinstance(contents, dict) and isinstance(contents.get("subject"), str) else None

@@ -31,10 +31,10 @@ class BlinkFilter:
             return None
         newest_s = float(self._window[-1]["timestamp"])
         span_s = newest_s - float(self._window[0]["timestamp"])
-        if span_s < 0.0:
-            # The clock was set back.
+        if not span_s >= 0.0:
+            # The clock was set back, or to no number.
             self._window.clear()
-        if not span_s >= WINDOW_S:  # nor where somebody has set the clock to no number
+        if not span_s >= WINDOW_S:
             return None
         # The window is the shortest that is not shorter than 0.2 s.
         while newest_s - float(self._window[1]["timestamp"]) >= WINDOW_S:

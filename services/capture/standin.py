@@ -143,7 +143,8 @@ class StandIn:
         self._moments.close()
         self._end_recording()
         self._close_sockets()
-        self._context.term()
+        # And what a start that failed halfway has left: `term` would wait for it for ever.
+        self._context.destroy(linger=0)
 
     def _begin(self) -> None:
         """The state of a program that has just started."""

@@ -13,7 +13,7 @@ from typing import Any, Final
 
 from tracker_bridge.samples import Eye
 from tracker_bridge.sources.pupil_form import Map
-from tracker_bridge.sources.pupil_recorder import PupilRecorder
+from tracker_bridge.sources.pupil_recorder import PupilRecorder, RecordingError
 
 FIT_S: Final = 5.2
 """How long fitting took on a real HMD calibration; the world process does nothing else meanwhile."""
@@ -113,7 +113,12 @@ class Recording:
         subject = contents["subject"]
         if subject == "recording.should_start" and self._recorder is None:
             name = _session_name(contents.get("session_name"))
-            self._recorder = PupilRecorder(_free(self._folder / name), start_synced_s=pupil_s, name=name)
+            try:
+                folder = _free(self._folder / name)
+            except OSError as error:
+                # Too long for the file system, or in a folder that may not be looked into.
+                raise RecordingError(f"{self._folder / name}: {error.strerror}. Choose another name") from None
+            self._recorder = PupilRecorder(folder, start_synced_s=pupil_s, name=name)
             about = {"rec_path": self._path(), "session_name": name, "record_eye": False, "compression": True}
             return [command("recording.started", **about, start_time_synced=pupil_s)]
         if subject == "recording.should_stop" and self._recorder is not None:

@@ -35,6 +35,9 @@ def bridge(
         str, typer.Option(help="Where eye states are published; * for a free port.")
     ] = "tcp://127.0.0.1:*",
     events: Annotated[str, typer.Option(help="Where events are published; * for a free port.")] = "tcp://127.0.0.1:*",
+    replay: Annotated[
+        str | None, typer.Option(help="Where lost events can be had again; a free port unless given.")
+    ] = None,
     control: Annotated[
         str, typer.Option(help="Where [b]entoptic tell[/b] reaches this bridge; * for a free port.")
     ] = "tcp://127.0.0.1:*",
@@ -73,6 +76,7 @@ def bridge(
             bridges.BridgeSettings(
                 states_address=states,
                 events_address=events,
+                replay_address=replay,
                 control_address=control,
                 keys=None if keys is None else key_files.load_server(keys),
                 lane=lane,

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Annotated
 
 import typer
@@ -23,5 +22,5 @@ def tell(
     from services import control
     from services import keys as key_files
 
-    client = None if keys is None else key_files.load_client(Path(keys))
+    client = None if keys is None else key_files.load_client(keys)
     console.print(escape(control.tell(address, control.Request(task, name), client)))

@@ -103,6 +103,31 @@ def test_an_address_in_use(address: str) -> None:
         Control(address, object(), None, context)
 
 
+class Insistent:
+    """A socket where the next request has always come already."""
+
+    def __init__(self) -> None:
+        self.answered = 0
+
+    def poll(self, _: int) -> int:
+        return 1
+
+    def recv_multipart(self) -> list[bytes]:
+        return [b""]
+
+    def send(self, _: bytes) -> None:
+        self.answered += 1
+        assert self.answered < 10
+
+
+def test_whoever_asks_without_end_does_not_hold_the_bridge_up() -> None:
+    control = Control.__new__(Control)
+    socket = Insistent()
+    control._socket = socket  # type: ignore[assignment]
+    control.attend()
+    assert socket.answered == 1
+
+
 @given(
     st.binary(max_size=200)
     | st.builds(msgspec.msgpack.encode, st.dictionaries(st.text(), st.integers(-(2**63), 2**63) | st.text()))

@@ -94,6 +94,7 @@ def test_a_table_that_cannot_be_written_is_named(tmp_path: Path) -> None:
         ("onset_s,offset_s\n1.0,1.1\n2.0\n", "line 3: onset or offset is no number"),
         ("onset_s,offset_s\n1.0,inf\n", "line 2: onset or offset is no number"),
         ("onset_s,offset_s\n2.0,1.0\n", "line 2: it ends before it begins"),
+        ("onset_s,offset_s\n1.0,1.1\n\n2.0,1.0\n", "line 4: it ends before it begins"),
     ],
 )
 def test_labels_that_cannot_be_read_are_named(text: str, message: str, tmp_path: Path) -> None:
@@ -112,6 +113,12 @@ def test_labels_without_a_file_are_named() -> None:
 def test_labels_are_saccades_unless_they_say_otherwise(tmp_path: Path) -> None:
     path = tmp_path / "labels.csv"
     path.write_text("onset_s,offset_s\n1.5,1.55\n")
+    assert read_labels(path) == [Span(1_500 * MS, 1_550 * MS, "saccade")]
+
+
+def test_labels_of_a_spreadsheet_may_begin_with_a_byte_order_mark(tmp_path: Path) -> None:
+    path = tmp_path / "labels.csv"
+    path.write_text("onset_s,offset_s\n1.5,1.55\n", encoding="utf-8-sig")
     assert read_labels(path) == [Span(1_500 * MS, 1_550 * MS, "saccade")]
 
 

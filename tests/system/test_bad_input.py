@@ -46,6 +46,7 @@ def folder(tmp_path: Path) -> Path:
     ("arguments", "named"),
     [
         (("--recording", "nowhere"), "nowhere"),
+        (("--recording", "capture"), "add --live"),
         (("--recording", "empty_folder"), "empty_folder"),
         (("--recording", "empty_recording"), "pupil.pldata"),
         (("--recording", "text.tsv"), "text.tsv"),

@@ -1,13 +1,15 @@
 """Who may hear the bridge."""
 
+import errno
 from pathlib import Path
 
 import pytest
 import zmq
 from zmq.utils import z85
+from zmq.utils.monitor import recv_monitor_message
 
 from tracker_bridge import access
-from tracker_bridge.access import OpenAddressError, ServerKeys
+from tracker_bridge.access import ClientKeys, OpenAddressError, ServerKeys
 
 
 @pytest.mark.parametrize(
@@ -51,3 +53,31 @@ def test_only_a_key_in_the_folder_opens_and_a_broken_file_neither_opens_nor_shut
         assert access.zap_reply(stranger, keys)[2] == b"400"
     (tmp_path / "known.key").unlink()
     assert access.zap_reply(ask, keys)[2] == b"400"
+
+
+def test_a_folder_that_cannot_be_read_lets_nobody_in(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def refuse(*_: object) -> None:
+        raise OSError(errno.EMFILE, "Too many open files")
+
+    public, _ = zmq.curve_keypair()
+    (tmp_path / "known.key").write_text(f'curve\n    public-key = "{public.decode()}"\n')
+    assert access.is_known(public, tmp_path)
+    monkeypatch.setattr(Path, "glob", refuse)
+    assert not access.is_known(public, tmp_path)
+
+
+def test_while_nobody_answers_for_the_keys_nobody_gets_in(tmp_path: Path) -> None:
+    public, secret = zmq.curve_keypair()
+    came_in, kept_out = zmq.EVENT_HANDSHAKE_SUCCEEDED, zmq.EVENT_HANDSHAKE_FAILED_NO_DETAIL
+    context: zmq.Context[zmq.Socket[bytes]] = zmq.Context()
+    server, client = context.socket(zmq.XPUB), context.socket(zmq.SUB)
+    ServerKeys(public, secret, tmp_path).use(server)
+    server.bind("tcp://127.0.0.1:*")
+    ClientKeys(*zmq.curve_keypair(), public).use(client)
+    monitor = client.get_monitor_socket(came_in | kept_out)
+    client.connect(server.getsockopt_string(zmq.LAST_ENDPOINT))
+    try:
+        assert monitor.poll(20_000)
+        assert recv_monitor_message(monitor)["event"] == kept_out
+    finally:
+        context.destroy(linger=0)

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from services.reader import StateReader
 from tracker_bridge import bridge
 from tracker_bridge.chain import Chain
-from tracker_bridge.events import BlinkOnset, Event, SourceSilent, StreamEnded, StreamStarted
+from tracker_bridge.events import BlinkOnset, Event, SourceBack, SourceSilent, StreamEnded, StreamStarted
 from tracker_bridge.publisher import Publisher
 from tracker_bridge.samples import Eye, EyeState, GazeSample, PupilSample
 from tracker_bridge.source import Item, SourceInfo, Tick
@@ -87,6 +87,25 @@ def test_a_source_s_events_go_out_in_their_place() -> None:
     _, state, event, _ = published(MadeUp(items, live=True))
     assert isinstance(state, EyeState)
     assert event == silent
+
+
+def test_a_live_stream_is_ended_by_the_clock_and_not_by_a_sample_of_a_broken_time() -> None:
+    now_ns = time.monotonic_ns()
+    items: list[Item] = [Tick(now_ns), PupilSample(now_ns + 10**12, Eye.LEFT, 4.0, 1.0), Tick(now_ns + MS)]
+    taken: list[Item] = []
+    published(MadeUp(items, live=True), seconds=60.0, on_item=taken.append)
+    assert taken == items
+    taken.clear()
+    published(MadeUp(items, live=True), seconds=0.001, on_item=taken.append, between=lambda: time.sleep(0.05))
+    assert taken == []
+
+
+def test_a_stream_does_not_end_before_its_last_state_where_an_event_is_told_late() -> None:
+    now_ns = time.monotonic_ns() + 100 * MS
+    items: list[Item] = [PupilSample(now_ns, Eye.LEFT, 4.0, 1.0), Tick(now_ns), SourceBack(now_ns - 500 * MS)]
+    *_, state, _, ended = published(MadeUp(items, live=True))
+    assert isinstance(state, EyeState)
+    assert ended == StreamEnded(state.t_ns, 1)
 
 
 def test_between_items_others_get_their_turn() -> None:

@@ -8,6 +8,7 @@ from hypothesis import strategies as st
 
 from tracker_bridge.calibration import (
     LATE_SAMPLES_NS,
+    PAUSED_SAMPLES,
     SHOWN_WITHIN_NS,
     Calibration,
     CalibrationError,
@@ -108,6 +109,19 @@ def test_a_pause_restarts_its_step_alone() -> None:
     calibration.shown(again.id, 501 * NS_PER_S, 501 * NS_PER_S)
     calibration.advance(519 * NS_PER_S)
     assert [screen.t_ns for screen in calibration.shown_screens] == [0, 501 * NS_PER_S]
+
+
+def test_of_a_long_pause_the_newest_samples_alone_are_kept() -> None:
+    calibration = Calibration(robust())
+    (white,) = calibration.start(0)
+    calibration.shown(white.id, 0, 0)
+    calibration.sample(PupilSample(0, Eye.LEFT, 4.0, 1.0))
+    calibration.pause()
+    for k in range(1, 3 * PAUSED_SAMPLES):
+        calibration.sample(PupilSample(k, Eye.LEFT, 4.0, 1.0))
+    calibration.resume(3 * PAUSED_SAMPLES)
+    kept = [sample.t_ns for sample in calibration.samples]
+    assert kept == [0, *range(2 * PAUSED_SAMPLES, 3 * PAUSED_SAMPLES)]
 
 
 def test_an_abort_is_final() -> None:

@@ -1,5 +1,6 @@
 """Samples in, states and events out."""
 
+import itertools
 from collections.abc import Iterable
 
 import pytest
@@ -8,6 +9,7 @@ from hypothesis import strategies as st
 
 from tracker_bridge import wire
 from tracker_bridge.chain import Chain, records_of
+from tracker_bridge.dropout import SLEW_MM_S
 from tracker_bridge.events import ClockEstimated, ClockJumped, Event, PupilBack, PupilLost, SourceSilent
 from tracker_bridge.samples import Eye, EyeState, GazeSample, Phase, PupilSample
 from tracker_bridge.source import Item, Tick
@@ -59,6 +61,23 @@ def test_gaze_of_both_eyes_is_the_mean_of_the_fresh_ones() -> None:
     ]
     gazes = [state.gaze for state in states_of(samples)]
     assert [(gaze.azimuth_deg, gaze.elevation_deg) for gaze in gazes if gaze] == [(3.0, 1.0), (8.0, 0.0), (8.0, 0.0)]
+
+
+def test_gaze_of_both_is_that_of_one_eye_while_the_source_sees_one_alone() -> None:
+    items: list[Item] = []
+    for k in range(100):  # from 100 to 300 ms the left eye is closed
+        t_ns = k * 5 * MS
+        if 20 <= k < 60:
+            items.append(GazeSample(t_ns, Eye.RIGHT, k, 0.0, 1.0))
+        else:
+            items += [GazeSample(t_ns, None, k, 0.0, 1.0), GazeSample(t_ns + MS, Eye.RIGHT, k + 0.5, 0.0, 1.0)]
+    for state in states_of(items):
+        assert state.gaze is not None
+        was_given = not 100 * MS <= state.t_ns < 300 * MS
+        if was_given:
+            assert state.gaze.azimuth_deg == state.gaze.t_ns // (5 * MS)
+        elif state.t_ns > 150 * MS:
+            assert state.gaze.t_ns == state.t_ns
 
 
 def test_the_chain_is_the_same_to_the_bit_twice() -> None:
@@ -160,6 +179,22 @@ def test_a_lost_eye_borrows_the_other_with_their_difference_and_says_so() -> Non
     assert (last.phase, last.borrowed) == (Phase.LOST, True)
     assert last.diameter_mm == pytest.approx(3.5)
     assert not states[-1].right.borrowed
+
+
+def test_a_lost_eye_never_jumps_when_it_borrows_nor_when_it_comes_back() -> None:
+    items: list[Item] = []
+    for k in range(1000):  # the right pupil opens and blinks meanwhile; the left one is gone from 0.5 to 4.5 s
+        t_ns, right_mm = k * 5 * MS, min(3.0 + max(k - 100, 0) * 0.005, 6.0)
+        blinks = 400 <= k < 430
+        items.append(PupilSample(t_ns, Eye.RIGHT, None if blinks else right_mm, 0.0 if blinks else 1.0))
+        gone = 100 <= k < 900
+        items.append(PupilSample(t_ns, Eye.LEFT, None if gone else right_mm - 0.5, 0.0 if gone else 1.0))
+    lefts = [state.left for state in states_of(items)]
+    shown_mm = [left.diameter_mm or 0.0 for left in lefts]
+    assert max(abs(after - before) for before, after in itertools.pairwise(shown_mm)) <= SLEW_MM_S * 0.005 + 1e-9
+    assert {left.borrowed for left in lefts[210:900]} == {True}  # its fellow's blink does not end it
+    assert shown_mm[890] == pytest.approx(5.5)
+    assert (lefts[-1].phase, lefts[-1].borrowed, shown_mm[-1]) == (Phase.TRACKING, False, 5.5)
 
 
 def test_two_lost_eyes_borrow_nothing() -> None:

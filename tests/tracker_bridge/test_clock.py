@@ -144,3 +144,13 @@ def test_a_first_sample_that_was_late_makes_no_jump_of_those_that_follow() -> No
     events = arrivals(clock, remote, 5.2, 9.0)
     assert not [event for event in events if isinstance(event, ClockJumped)]
     assert clock.bridge_ns(remote.at(9 * S)) == pytest.approx(9 * S, abs=3 * MS)
+
+
+def test_one_late_sample_after_a_pause_is_no_jump_whenever_the_pause_began() -> None:
+    for k in range(210):  # more samples than a second has
+        remote, clock = Remote(7, offset_ns=S, drift_ppm=0.0), ArrivalClock(MS)
+        arrivals(clock, remote, 5.0, 6.2 + k * 0.005)
+        events = list(clock.add(remote.at(13 * S), 13 * S + 200 * MS))
+        events += arrivals(clock, remote, 13.2, 13.3)
+        assert not [event for event in events if isinstance(event, ClockJumped)]
+        assert clock.bridge_ns(remote.at(14 * S)) == pytest.approx(14 * S, abs=3 * MS)

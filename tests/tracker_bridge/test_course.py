@@ -39,3 +39,8 @@ def test_no_pupil_goes_faster_than_an_iris() -> None:
 
 def test_few_samples_tell_no_speed() -> None:
     assert Course([(0, 4.0), (STEP_NS, 4.1), (2 * STEP_NS, 4.2)]).at(10**12) == 4.2
+
+
+def test_a_pupil_of_next_to_nothing_has_a_course_too() -> None:
+    course = Course([(k * STEP_NS, 1e-300 * (k + 1)) for k in range(10)])
+    assert course.at(10**12) == pytest.approx(1e-299)

@@ -365,3 +365,12 @@ def test_the_angle_between_directions_is_that_on_the_sphere(azimuth: float, elev
     assert angle_deg(here, Place(0, azimuth, elevation + size)) == pytest.approx(size, rel=1e-6)
     across = size * math.cos(math.radians(elevation))
     assert angle_deg(here, Place(0, azimuth + size, elevation)) == pytest.approx(across, rel=1e-3)
+
+
+def test_noise_does_not_mind_where_a_clock_begins() -> None:
+    def measured(from_ns: int) -> list[tuple[float, float] | None]:
+        meter = NoiseMeter()
+        return [meter.step(Velocity(from_ns + n * 5 * MS, float(n % 7), float(n % 5))) for n in range(200)]
+
+    assert measured(-(10**15)) == measured(0) == measured(10**15)
+    assert measured(0)[-1] is not None

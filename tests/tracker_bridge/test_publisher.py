@@ -127,6 +127,9 @@ def test_no_socket_opens_to_others_without_keys(open_one: int) -> None:
 def test_a_malformed_address_is_named() -> None:
     with pytest.raises(PortInUseError, match="5555"):
         Publisher("5555", ANY)
+    for address in ("5557", "ipc:///tmp/lost-events"):
+        with pytest.raises(PortInUseError, match=f"{address}: lost events go by TCP alone"):
+            Publisher(ANY, ANY, replay_address=address)
 
 
 def test_events_are_numbered_and_heartbeats_say_how_far(

@@ -125,6 +125,7 @@ def test_what_is_missing_stays_missing() -> None:
     sample = PupilSample(0, Eye.RIGHT, None, 0.0)
     assert one.apply(sample).diameter_mm is None
     assert one.map_state(state(None)).right.diameter_mm is None
+    assert one.apply(PupilSample(0, Eye.RIGHT, 4.0, 1.0)).diameter_mm is None
     left = PupilSample(0, Eye.LEFT, None, 1.0, diameter_px=70.0)
     assert one.apply(left) is left
     assert one.map_state(state(4.0)).left.diameter_mm == 4.0

@@ -43,10 +43,7 @@ from tracker_bridge.sources.simulated import SimulatedEyes, SimulatedSettings
 from tracker_bridge.sources.table import open_table
 from tracker_bridge.sources.table_map import read_table_map
 
-SIMULATED = "simulated"
-
-
-CAPTURE = "capture"
+SIMULATED, CAPTURE = "simulated", "capture"
 USB, USB_SIMULATED, USB_FILE = "usb", "usb-simulated:", "usb-file:"
 
 
@@ -74,10 +71,9 @@ def open_source(
 
     "capture" is Pupil Capture and "usb" a USB eye tracker, both live; "usb-simulated:SPEC" plays any recording as such
     a tracker, and "usb-file:PATH" what one once sent. "simulated" is a simulated pair of eyes, with the settings given.
-    Anything else is a path: to a folder recorded by
-    Pupil Capture or one of its .pldata files, to a folder of Pupil Player's exports or one of its tables, or to any
-    other .csv, .tsv or .txt table. A table is read by `table_map`, or else by the first map that comes with the
-    program and fits.
+    Anything else is a path: to a folder recorded by Pupil Capture or one of its .pldata files, to a folder of Pupil
+    Player's exports or one of its tables, or to any other .csv, .tsv or .txt table. A table is read by `table_map`, or
+    else by the first map that comes with the program and fits.
 
     Raises SourceError that names the thing and the remedy, also where a setting is out of range or an option does not
     go with the source.
@@ -120,7 +116,7 @@ def _open_tracker(
     if tracker.record_raw is not None and not is_usb:
         raise SourceError(f"{spec} sends no USB packets that could be recorded: leave --record-raw out")
     if tracker.usb_faults and not spec.startswith(USB_SIMULATED):
-        raise SourceError(f"only a simulated tracker has faults: name {USB_SIMULATED}{spec}, or leave them out")
+        raise SourceError(f"only a simulated tracker has faults: name {USB_SIMULATED}RECORDING, or leave them out")
     if table_map is not None and (spec in (CAPTURE, USB) or spec.startswith(USB_FILE)):
         raise SourceError(f"{spec} takes no column map: leave the map out, or name a table")
     if spec == CAPTURE:

@@ -111,7 +111,7 @@ def _read(path: Path, delimiter: str, decimal: str, missing: Iterable[str], *, h
                     table.rows.append(Row(table, reader.line_num, cells))
                 elif cells:
                     raise SourceError(
-                        f"{path}, line {reader.line_num}: {len(cells)} cells under {len(header)} columns. "
+                        f"{path}, line {reader.line_num}: its cells number {len(cells)}, the header's {len(header)}. "
                         "Correct the line, or the delimiter in the table's map"
                     )
             return table

@@ -167,7 +167,9 @@ class _Parser:
 
     def finish(self) -> ReportDescriptor:
         if self._collections:
-            raise HidDescriptorError(f"{len(self._collections)} collections of the report descriptor are never closed")
+            raise HidDescriptorError(
+                f"collections of the report descriptor that are never closed: {len(self._collections)}"
+            )
         descriptor = ReportDescriptor(tuple(self._items), tuple(self._applications))
         if descriptor.has_report_ids and not all(item.report_id for item in self._items):
             raise HidDescriptorError("some reports of the descriptor have an ID and some have none")

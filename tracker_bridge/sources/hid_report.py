@@ -219,6 +219,6 @@ class Reassembly:
 
 def _check_length(found: int, expected: int) -> None:
     if found < expected:
-        raise ShortReportError(f"a report of {found} bytes came where {expected} were to come")
+        raise ShortReportError(f"a report of {found} B came where {expected} B were to come")
     if found > expected:
-        raise LongReportError(f"a report of {found} bytes or more came where {expected} were to come")
+        raise LongReportError(f"a report of {found} B or more came where {expected} B were to come")

@@ -63,8 +63,8 @@ def _faults(samples: Sequence[OneKind], what: str) -> list[str]:
     notes = []
     backward = sum(after.t_ns < before.t_ns for before, after in itertools.pairwise(samples))
     if backward:
-        notes.append(f"Time went backwards {backward:,} times among {len(samples):,} {what}; they were sorted.")
+        notes.append(f"Among {len(samples):,} {what} time went backwards; they were sorted; steps back: {backward:,}.")
     repeated = len(samples) - len({sort_key(sample) for sample in samples})
     if repeated:
-        notes.append(f"{repeated:,} of {len(samples):,} {what} repeated a time and eye and were dropped.")
+        notes.append(f"Of {len(samples):,} {what} those that repeat a time and eye were dropped: {repeated:,}.")
     return notes

@@ -191,21 +191,19 @@ class Link:
             if wanted is None:
                 self._moved.wait()
                 continue
-            socket = self._context.socket(zmq.SUB)
             try:
-                socket.setsockopt(zmq.LINGER, 0)
-                socket.setsockopt(zmq.RCVHWM, _QUEUED)
-                for topic in SUBSCRIPTIONS:
-                    socket.setsockopt(zmq.SUBSCRIBE, topic)
-                socket.connect(wanted[0])
-                while self._wanted == wanted and not self._stop.is_set():
-                    if socket.poll(_STOP_CHECK_MS):
-                        self._receive_all(socket)
+                with self._context.socket(zmq.SUB) as socket:
+                    socket.setsockopt(zmq.LINGER, 0)
+                    socket.setsockopt(zmq.RCVHWM, _QUEUED)
+                    for topic in SUBSCRIPTIONS:
+                        socket.setsockopt(zmq.SUBSCRIBE, topic)
+                    socket.connect(wanted[0])
+                    while self._wanted == wanted and not self._stop.is_set():
+                        if socket.poll(_STOP_CHECK_MS):
+                            self._receive_all(socket)
             except zmq.ZMQError:
                 # The conversation tells a person what is wrong; here there is only another attempt.
                 self._stop.wait(RETRY_S)
-            finally:
-                socket.close(linger=0)
 
     def _receive_all(self, socket: zmq.Socket[bytes]) -> None:
         with contextlib.suppress(zmq.Again):

@@ -135,8 +135,10 @@ class PupilRecorder:
             if stamps:
                 end_s = max(float(each.max()) for each in stamps)
                 self._info["duration_s"] = max(end_s - float(self._info["start_time_synced_s"]), 0.0)
-            for stream in self._streams.values():
-                stream.close()
+            with contextlib.ExitStack() as each:
+                # One that cannot be finished must not keep the others open.
+                for stream in self._streams.values():
+                    each.callback(stream.close)
             _replace(self.folder / INFO_FILE, json.dumps(self._info, indent=4).encode())
         except OSError as error:
             raise RecordingError(

@@ -18,11 +18,9 @@ from tracker_bridge.sources.pupil_datum import (
     needs_scene_fov,
     pupil_sample,
 )
+from tracker_bridge.trust import MIN_CONFIDENCE
 
 Floats = NDArray[np.float64]
-
-TRUSTED = 0.6
-"""A pupil counts as found from this confidence on: Pupil Core's own threshold for "useful" data (its user guide)."""
 
 Gaze = tuple[GazeDatum, tuple[PupilDatum, ...]]
 """A gaze datum and the pupil datums it was made of."""
@@ -41,25 +39,27 @@ def assemble(name: str, pupils: Sequence[PupilDatum], gazes: Sequence[Gaze], not
         measured = [p for _, base in gazes for p in base if p.diameter is not None or p.diameter_3d is not None]
         pupils = list({(pupil.timestamp, pupil.id): pupil for pupil in measured}.values())
         notes.append(
-            f"No pupil data of its own: {len(pupils):,} pupils were taken from the gaze data."
+            f"No pupil data of its own; pupils that were taken from the gaze data: {len(pupils):,}."
             if pupils
             else "No pupil data: diameters and blinks are not known."
         )
     images = _one_an_image(pupils)
     if len(images) < len(pupils):
-        notes.append(f"{len(pupils) - len(images):,} two-dimensional measurements repeat an image and were left out.")
+        notes.append(f"Two-dimensional measurements that repeat an image were left out: {len(pupils) - len(images):,}.")
     # The first direction in a datum is what the datum is about; those behind it repeat from datum to datum.
     each = [samples for datum, base in gazes if (samples := gaze_samples(datum, base))]
     if len(each) < len(gazes):
-        notes.append(f"{len(gazes) - len(each):,} of {len(gazes):,} gaze data hold no direction and were left out.")
+        notes.append(
+            f"Of {len(gazes):,} gaze data those without a direction were left out: {len(gazes) - len(each):,}."
+        )
     directions = [samples[0] for samples in each]
     computed = [own for samples in each for own in samples[1:]]
     assumed = sum(needs_scene_fov(datum) for datum, _ in gazes)
     if assumed:
         width, height = SCENE_FOV_DEG
         notes.append(
-            f"{assumed:,} of {len(gazes):,} gaze data give only a place in the scene image; "
-            f"a field of view of {width:g}° by {height:g}° is assumed for it."
+            f"Of {len(gazes):,} gaze data those that give only a place in the scene image: {assumed:,}; "
+            f"a field of view of {width:g}° by {height:g}° is assumed for them."
         )
     if not directions:
         computed = _centred(images)
@@ -87,7 +87,7 @@ def _centred(pupils: Sequence[PupilDatum]) -> list[GazeSample]:
     directions: list[GazeSample] = []
     for eye in Eye:
         seen = [(p, axis) for p in pupils if p.id is eye and (axis := eye_axis(p)) is not None]
-        trusted = [axis for p, axis in seen if p.confidence >= TRUSTED]
+        trusted = [axis for p, axis in seen if p.confidence >= MIN_CONFIDENCE]
         if not trusted:
             continue
         turned = np.array([axis for _, axis in seen]) @ _turn_to_front(np.median(np.array(trusted), axis=0)).T

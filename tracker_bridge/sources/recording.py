@@ -107,4 +107,4 @@ def _messages(file: Path, notes: list[str]) -> Iterator[_Message]:
     if number == 0:
         raise SourceError(f"{file} ends within its first message: choose another recording")
     if end < size:
-        notes.append(f"{file.name} ends within a message: the last {size - end:,} bytes were left out.")
+        notes.append(f"{file.name} ends within a message; bytes that were left out there: {size - end:,}.")

@@ -50,7 +50,9 @@ def open_table(path: Path, table_map: TableMap | None = None) -> LoadedSource:
     rows = [row for row in table.rows if all(row.text(column) == cell for column, cell in chosen.where.items())]
     notes = [f"Read by the column map of {chosen.name}.", *_assumptions(chosen)]
     if len(rows) < len(table.rows):
-        notes.append(f"{len(table.rows) - len(rows):,} of {len(table.rows):,} lines are of another kind; left out.")
+        notes.append(
+            f"Of {len(table.rows):,} lines those of another kind were left out: {len(table.rows) - len(rows):,}."
+        )
     wide_open = _wide_open(rows, chosen)
     pupils: list[PupilSample] = []
     gazes: list[GazeSample] = []

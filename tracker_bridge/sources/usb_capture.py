@@ -49,8 +49,11 @@ class UsbCapture:
         self._write([received_ns, packet])
 
     def _write(self, record: list[object]) -> None:
+        left = memoryview(msgpack.packb(record))
         try:
-            self._file.write(msgpack.packb(record))
+            while left:
+                # An unbuffered file may take a part at a time: a disk that is nearly full does.
+                left = left[self._file.write(left) :]
         except OSError as error:
             raise SourceError(f"{self.path} cannot be written any more: {error.strerror}; make room") from None
 

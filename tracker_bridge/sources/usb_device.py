@@ -21,7 +21,7 @@ from tracker_bridge.sources.hid_descriptor import ReportKind, parse_report_descr
 from tracker_bridge.sources.hid_eye_tracker import EyeTrackerReports
 from tracker_bridge.sources.hid_items import HidDescriptorError
 from tracker_bridge.sources.hid_usages import EYE_TRACKER
-from tracker_bridge.sources.usb_remedies import cannot_use, no_backend
+from tracker_bridge.sources.usb_remedies import cannot_use, no_backend, no_permission
 from tracker_bridge.sources.usb_stream import Connection
 
 UsbError = usb.core.USBError
@@ -40,6 +40,12 @@ UNSAID_DESCRIPTOR_BYTES = 4096
 
 CONTROL_TIMEOUT_MS = 500
 """Engineering choice: the USB lets a device take 5 s, but a tracker's settings lie ready."""
+
+_LOST = (errno.ENODEV, errno.EACCES, errno.EPERM)
+"""Errors after which nothing more can be asked. Any other may be the refusal of one request: a device shows it by a
+stall, and systems report it as a pipe error, an input/output error, an overflow or an error without a number."""
+
+_KEPT = " (kept by the system's driver: if this is it, name it with --usb-id)"
 
 KERNEL_DEVICES = Path("/sys/bus/usb/devices")
 """Where Linux shows USB devices, with the report descriptor of each that its own HID driver holds."""
@@ -69,14 +75,12 @@ class Tracker:
         try:
             self._take()
             reports = EyeTrackerReports(descriptor)
-            features = {layout.report_id: data for layout in reports.features if (data := self._feature(layout))}
+            features = self._features(reports)
             self._request_mode(reports)
         except BaseException:
             self.close()
             raise
-        packet_bytes = int(self._endpoint.wMaxPacketSize) & 0x7FF
-        """The bits above count packets per microframe (USB 2.0, 9.6.6)."""
-        self.connection = Connection(name_of(device), descriptor, packet_bytes, features)
+        self.connection = Connection(name_of(device), descriptor, _packet_bytes(self._endpoint), features)
 
     def _take(self) -> None:
         """Takes the interface from the system's own driver, which would read the reports away."""
@@ -84,24 +88,30 @@ class Tracker:
         try:
             self._device.get_active_configuration()
         except UsbError as error:
-            if error.errno in (errno.EACCES, errno.EPERM, errno.ENODEV):
+            if error.errno in _LOST:
                 raise
             self._device.set_configuration()
         usb.util.claim_interface(self._device, self._interface)
 
-    def _feature(self, layout: Any) -> bytes | None:
-        """A feature report; None where the tracker does not give it, which it may refuse by a stall."""
-        wanted = ReportKind.FEATURE << 8 | layout.report_id
-        try:
-            return bytes(
-                self._device.ctrl_transfer(
+    def _features(self, reports: EyeTrackerReports) -> dict[int, bytes]:
+        """The feature reports that the tracker gives. One that leaves a request unanswered is asked no more: whoever
+        waits for samples waits for this too."""
+        features = {}
+        for layout in reports.features:
+            wanted = ReportKind.FEATURE << 8 | layout.report_id
+            try:
+                report = self._device.ctrl_transfer(
                     TO_INTERFACE_CLASS_IN, GET_REPORT, wanted, self._interface, layout.length, CONTROL_TIMEOUT_MS
                 )
-            )
-        except UsbError as error:
-            if error.errno in (errno.EPIPE, errno.EIO, errno.ETIMEDOUT):
-                return None
-            raise
+            except UsbTimeout:
+                break
+            except UsbError as error:
+                if error.errno in _LOST:
+                    raise
+                continue
+            if report:
+                features[layout.report_id] = bytes(report)
+        return features
 
     def _request_mode(self, reports: EyeTrackerReports) -> None:
         """Asks for gaze and eye positions; a tracker that refuses sends what it sends."""
@@ -110,18 +120,17 @@ class Tracker:
             return
         layout, report = request
         wanted = ReportKind.FEATURE << 8 | layout.report_id
-        with contextlib.suppress(UsbTimeout):
-            try:
-                self._device.ctrl_transfer(
-                    TO_INTERFACE_CLASS_OUT, SET_REPORT, wanted, self._interface, report, CONTROL_TIMEOUT_MS
-                )
-            except UsbError as error:
-                if error.errno not in (errno.EPIPE, errno.EIO):
-                    raise
+        try:
+            self._device.ctrl_transfer(
+                TO_INTERFACE_CLASS_OUT, SET_REPORT, wanted, self._interface, report, CONTROL_TIMEOUT_MS
+            )
+        except UsbError as error:
+            if error.errno in _LOST:
+                raise
 
     def read(self, timeout_ms: int) -> bytes:
         """The next packet. Raises UsbTimeout where none comes within this time, and UsbError."""
-        return bytes(self._endpoint.read(self._endpoint.wMaxPacketSize & 0x7FF, timeout_ms))
+        return bytes(self._endpoint.read(self.connection.packet_bytes, timeout_ms))
 
     def clear_halt(self) -> None:
         """Lets an endpoint go on that has stalled."""
@@ -129,11 +138,7 @@ class Tracker:
 
     def close(self) -> None:
         """Gives the interface back to the system, as far as the tracker is still there."""
-        with contextlib.suppress(UsbError):
-            usb.util.release_interface(self._device, self._interface)
-        if self._has_taken:
-            with contextlib.suppress(UsbError, NotImplementedError):
-                self._device.attach_kernel_driver(self._interface)
+        _give_back(self._device, self._interface, self._has_taken)
         with contextlib.suppress(UsbError):
             usb.util.dispose_resources(self._device)
 
@@ -153,7 +158,7 @@ def find_tracker(backend: Any, usb_id: tuple[int, int] | None, kernel_devices: P
         if usb_id is not None and (device.idVendor, device.idProduct) != usb_id:
             continue
         for interface in interfaces:
-            if usb_id is None and interface.bInterfaceSubClass == BOOT_SUBCLASS:
+            if interface.bInterfaceSubClass == BOOT_SUBCLASS:
                 continue
             try:
                 descriptor = _kernel_copy(device, interface, kernel_devices) or _borrowed_descriptor(device, interface)
@@ -161,6 +166,12 @@ def find_tracker(backend: Any, usb_id: tuple[int, int] | None, kernel_devices: P
                     return Tracker(device, interface, descriptor)
             except UsbError as error:
                 refused = refused or SourceError(cannot_use(name_of(device), error, device.idVendor, device.idProduct))
+            except NotImplementedError:
+                # So says libusb on Windows of what is under Windows' own driver. Unless this is known to be the tracker
+                # nobody shall be told to give it another driver: it may be their keyboard.
+                if usb_id is not None:
+                    refused = refused or SourceError(no_permission(name_of(device), *usb_id))
+                seen[-1] = seen[-1].removesuffix(_KEPT) + _KEPT
             except HidDescriptorError as error:
                 if usb_id is not None:
                     refused = refused or SourceError(f"{name_of(device)} is no eye tracker that can be read: {error}")
@@ -171,9 +182,13 @@ def find_tracker(backend: Any, usb_id: tuple[int, int] | None, kernel_devices: P
 
 def _devices(backend: Any) -> list[Any]:
     try:
-        return list(usb.core.find(find_all=True, backend=backend))
+        devices = list(usb.core.find(find_all=True, backend=backend))
     except UsbError as error:
         raise SourceError(f"the USB cannot be searched ({error.strerror}): try again") from None
+    for device in devices:
+        # Of the requests that pyusb makes by itself, such as those for a device's name.
+        device.default_timeout = CONTROL_TIMEOUT_MS
+    return devices
 
 
 def name_of(device: Any) -> str:
@@ -199,16 +214,24 @@ def _hid_interfaces(device: Any) -> Iterator[Any]:
     with contextlib.suppress(UsbError):
         for configuration in device:
             for interface in configuration:
-                if interface.bInterfaceClass == HID_CLASS and _interrupt_in(interface) is not None:
+                # HID has no use for alternate settings, and nobody has selected them: their endpoints are dead.
+                is_hid = interface.bInterfaceClass == HID_CLASS and interface.bAlternateSetting == 0
+                if is_hid and _interrupt_in(interface) is not None:
                     yield interface
 
 
 def _interrupt_in(interface: Any) -> Any:
     for endpoint in interface:
         is_in = usb.util.endpoint_direction(endpoint.bEndpointAddress) == usb.util.ENDPOINT_IN
-        if is_in and usb.util.endpoint_type(endpoint.bmAttributes) == usb.util.ENDPOINT_TYPE_INTR:
+        is_interrupt = usb.util.endpoint_type(endpoint.bmAttributes) == usb.util.ENDPOINT_TYPE_INTR
+        if is_in and is_interrupt and _packet_bytes(endpoint) > 0:
             return endpoint
     return None
+
+
+def _packet_bytes(endpoint: Any) -> int:
+    """Of one packet: the bits above count packets per microframe (USB 2.0, 9.6.6)."""
+    return int(endpoint.wMaxPacketSize) & 0x7FF
 
 
 def _kernel_copy(device: Any, interface: Any, kernel_devices: Path) -> bytes | None:
@@ -231,10 +254,7 @@ def _borrowed_descriptor(device: Any, interface: Any) -> bytes:
     try:
         return _asked_descriptor(device, interface)
     finally:
-        with contextlib.suppress(UsbError, NotImplementedError):
-            usb.util.release_interface(device, number)
-            if has_taken:
-                device.attach_kernel_driver(number)
+        _give_back(device, number, has_taken)
 
 
 def _asked_descriptor(device: Any, interface: Any) -> bytes:
@@ -276,3 +296,12 @@ def _detach(device: Any, number: int) -> bool:
             return False
         raise
     return True
+
+
+def _give_back(device: Any, number: int, has_taken: bool) -> None:
+    """The interface to whoever comes next, first of all to the system's driver if it had it."""
+    with contextlib.suppress(UsbError):
+        usb.util.release_interface(device, number)
+    if has_taken:
+        with contextlib.suppress(UsbError, NotImplementedError):
+            device.attach_kernel_driver(number)

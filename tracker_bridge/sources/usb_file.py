@@ -76,9 +76,9 @@ def open_usb_file(path: Path) -> LoadedSource:
         raise SourceError(f"{path} is no USB capture: it holds no whole record; name a file that --record-raw wrote")
     bad_count += stream.bad_count
     if connections > 1:
-        notes[f"The tracker came back {connections - 1} times in the capture."] = None
+        notes[f"The tracker went away and came back in the capture; times: {connections - 1}."] = None
     if bad_count:
-        notes[f"{bad_count:,} reports could not be read and were left out."] = None
+        notes[f"Reports that could not be read and were left out: {bad_count:,}."] = None
     return load(name, pupils, gazes, notes)
 
 
@@ -93,16 +93,16 @@ def _records(path: Path, notes: dict[str, None]) -> Iterator[_Opening | _Packet]
             while chunk := file.read(1 << 16):
                 unpacker.feed(chunk)
                 for record in unpacker:
-                    # Taken here: half a record moves it too.
-                    count, whole = count + 1, unpacker.tell()
                     opens = _opens(record)
                     yield msgspec.convert(record, _Opening) if opens else msgspec.convert(record, _Packet)
+                    # Taken here: half a record moves it too.
+                    count, whole = count + 1, unpacker.tell()
             end = file.tell()
     except OSError as error:
         raise SourceError(f"{path} cannot be read: {error.strerror}; name a file that --record-raw wrote") from None
     except (msgspec.ValidationError, ValueError, TypeError, msgpack.exceptions.UnpackException) as error:
         # TypeError: a map whose key is a list.
-        raise SourceError(f"{path} is no USB capture, or is broken at record {count}: {error}") from None
+        raise SourceError(f"{path} is no USB capture, or is broken at record {count + 1}: {error}") from None
     if whole < end:
         notes[f"The capture is cut off in its record {count + 1}; it was read up to there."] = None
 

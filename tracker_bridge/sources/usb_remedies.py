@@ -35,8 +35,9 @@ def udev_rule(vendor: int, product: int) -> str:
     return f'SUBSYSTEM=="usb", {match}, MODE="0660", TAG+="uaccess"'
 
 
-def no_permission(name: str, vendor: int, product: int, platform: str = sys.platform) -> str:
-    """What stands between this program and a device that the system does not give it."""
+def no_permission(name: str, vendor: int, product: int, platform: str | None = None) -> str:
+    """What stands between this program and a device that the system (this one unless named) does not give it."""
+    platform = platform or sys.platform
     if platform.startswith("linux"):
         return (
             f"no permission to use {name}: put this line into {UDEV_FILE}\n"
@@ -48,8 +49,9 @@ def no_permission(name: str, vendor: int, product: int, platform: str = sys.plat
     return f"no permission to use {name}: run this program as an administrator, macOS keeps HID devices to itself"
 
 
-def no_backend(platform: str = sys.platform) -> str:
+def no_backend(platform: str | None = None) -> str:
     """There is no libusb."""
+    platform = platform or sys.platform
     remedy = NO_BACKEND.get("linux" if platform.startswith("linux") else platform, NO_BACKEND["linux"])
     return f"no libusb was found, through which USB devices are reached: {remedy}"
 

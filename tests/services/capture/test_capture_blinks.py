@@ -60,6 +60,15 @@ def test_a_clock_set_back_starts_over() -> None:
     assert detector.frame([datum(0.32, 0.0)]) is not None
 
 
+def test_a_clock_set_to_no_number_keeps_nothing_and_is_forgotten() -> None:
+    detector = BlinkFilter()
+    for _ in range(1000):
+        assert detector.frame([datum(float("nan"), 1.0)] * 12) is None
+    assert len(detector._window) == 0
+    assert detector.frame([datum(0.0, 1.0), datum(0.1, 1.0)]) is None
+    assert detector.frame([datum(0.22, 0.0)]) is not None
+
+
 def test_nothing_comes_of_nothing() -> None:
     assert BlinkFilter().frame([]) is None
     assert BlinkFilter().frame([datum(0.0, 1.0)]) is None

@@ -3,6 +3,7 @@ from typing import Any
 import msgpack
 import pytest
 
+from services.capture.backbone import notification
 from services.capture.remote import RemoteKilledError, answer
 
 
@@ -70,3 +71,10 @@ def test_messages_of_several_frames_are_forwarded_whatever_they_are() -> None:
 def test_some_requests_kill_it(request_bytes: bytes) -> None:
     with pytest.raises(RemoteKilledError):
         answer([request_bytes], FakeCapture())
+
+
+@pytest.mark.parametrize("contents", [b"", b"\xc1", b"\x90", b"\x80", b"\x81\x90\x00", b"\x81\xa7subject\x01"])
+def test_what_is_no_notification_is_told_apart(contents: bytes) -> None:
+    assert notification([b"notify.x", contents]) is None
+    assert notification([b"notify.x"]) is None
+    assert notification([b"notify.x", msgpack.packb({"subject": "x"})]) == {"subject": "x"}

@@ -4,6 +4,7 @@ import pytest
 
 from services.capture.tasks import Calibration, Recording
 from tracker_bridge.sources.pupil_form import Map
+from tracker_bridge.sources.pupil_recorder import RecordingError
 from tracker_bridge.sources.recording import open_recording
 
 PUPIL = {"id": 0, "topic": "pupil.0.2d", "timestamp": 1.0, "confidence": 1.0, "diameter": 20.0}
@@ -68,6 +69,16 @@ def test_no_name_leads_out_of_the_folder(tmp_path: Path, name: object) -> None:
     recording.close()
     assert tmp_path in Path(started["rec_path"]).parents
     assert ".." not in Path(started["rec_path"]).parts
+
+
+@pytest.mark.parametrize("name", ["語" * 100, "/".join(["long"] * 2000)], ids=["folder", "path"])
+def test_a_name_too_long_for_a_folder_is_an_error_and_the_next_is_recorded(tmp_path: Path, name: str) -> None:
+    recording = Recording(tmp_path)
+    with pytest.raises(RecordingError, match=r"name too long.*Choose another name"):
+        recording.notified({"subject": "recording.should_start", "session_name": name}, 0.5)
+    (started,) = recording.notified({"subject": "recording.should_start", "session_name": "short"}, 0.5)
+    recording.close()
+    assert started["session_name"] == "short"
 
 
 def test_a_name_may_be_a_path(tmp_path: Path) -> None:

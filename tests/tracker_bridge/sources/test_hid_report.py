@@ -79,12 +79,12 @@ def test_eight_bytes_are_one_time() -> None:
 
 @pytest.mark.parametrize("size", [0, 1, 63, 64, 65, 110])
 def test_a_report_that_is_too_short_is_refused(size: int) -> None:
-    with pytest.raises(ShortReportError, match=f"{size} bytes came where 111"):
+    with pytest.raises(ShortReportError, match=f"of {size} B came where 111 B"):
         TRACKING.bits(bytes(size))
 
 
 def test_a_report_that_is_too_long_or_of_another_id_is_refused() -> None:
-    with pytest.raises(LongReportError, match="112 bytes or more came where 111"):
+    with pytest.raises(LongReportError, match="112 B or more came where 111 B"):
         TRACKING.bits(bytes(112))
     with pytest.raises(UnknownReportError, match="0x13 came where 0x10"):
         TRACKING.bits(b"\x13" + bytes(110))

@@ -1,9 +1,11 @@
 from pathlib import Path
+from typing import Any
 
 import pytest
 
+from tracker_bridge.samples import GazeSample, PupilSample
 from tracker_bridge.source import SourceError
-from tracker_bridge.sources import open_source
+from tracker_bridge.sources import TrackerSettings, open_source
 from tracker_bridge.sources.pupil_writer import write_recording
 from tracker_bridge.sources.simulated import SimulatedSettings
 
@@ -41,6 +43,38 @@ def test_a_table_by_its_map(tmp_path: Path) -> None:
     assert source.info.name == "Mine table table.csv"
     with pytest.raises(SourceError, match="none of the column maps"):
         open_source(str(tmp_path / "table.csv"))
+
+
+def test_trackers_and_what_one_sent(tmp_path: Path) -> None:
+    capture = open_source("capture", tracker=TrackerSettings(remote="tcp://lab:1234"))
+    assert (capture.info.name, capture.info.live) == ("Pupil Capture at tcp://lab:1234", True)
+    settings = TrackerSettings(record_raw=tmp_path / "raw", usb_faults=("stall@0.1s",))
+    short = SimulatedSettings(seconds=0.3, rate_hz=60.0)
+    live = [*open_source("usb-simulated:simulated", simulated=short, tracker=settings).samples()]
+    sent = [*open_source(f"usb-file:{tmp_path / 'raw'}").samples()]
+    assert sent
+    assert sent == [item for item in live if isinstance(item, PupilSample | GazeSample)]
+
+
+@pytest.mark.parametrize(
+    ("spec", "options", "words"),
+    [
+        ("simulated", {"tracker": TrackerSettings(record_raw=Path("raw"))}, "sends no USB packets"),
+        ("capture", {"tracker": TrackerSettings(record_raw=Path("raw"))}, "sends no USB packets"),
+        ("usb-file:raw", {"tracker": TrackerSettings(record_raw=Path("raw"))}, "sends no USB packets"),
+        ("usb", {"tracker": TrackerSettings(usb_faults=("stall@1s",))}, "only a simulated tracker has faults"),
+        ("usb", {"tracker": TrackerSettings(usb_id="mine")}, "is no USB ID"),
+        ("capture", {"tracker": TrackerSettings(remote="lab")}, "no address of Pupil Remote"),
+        ("capture", {"table_map": Path("map.toml")}, "takes no column map"),
+        ("usb", {"table_map": Path("map.toml")}, "takes no column map"),
+        ("usb-file:raw", {"table_map": Path("map.toml")}, "takes no column map"),
+        ("usb-simulated:capture", {}, "is live"),
+        ("usb-simulated:nothing", {}, "does not exist"),
+    ],
+)
+def test_an_option_that_does_not_go_with_the_source_is_named(spec: str, options: dict[str, Any], words: str) -> None:
+    with pytest.raises(SourceError, match=words):
+        open_source(spec, **options)
 
 
 def test_what_cannot_be_opened_is_named_with_the_remedy(tmp_path: Path) -> None:

@@ -55,7 +55,7 @@ def test_a_folder_of_exports(tmp_path: Path) -> None:
         (2_010_000_000, Eye.LEFT, 5.71, 0.9),
         (3_000_000_000, Eye.LEFT, 5.71, 0.8),
     ]
-    assert source.info.notes == ("1 two-dimensional measurements repeat an image and were left out.",)
+    assert source.info.notes == ("Two-dimensional measurements that repeat an image were left out: 1.",)
 
 
 @pytest.mark.parametrize(
@@ -65,7 +65,7 @@ def test_a_folder_of_exports(tmp_path: Path) -> None:
         (ROW_3D.format(time="", eye=0), "line 2, column 'pupil_timestamp': '' is empty"),
         (ROW_3D.format(time="1e20", eye=0), "no time in seconds"),
         (ROW_3D.format(time=1, eye=2), "line 2, column 'eye_id': '2'"),
-        ("1.0,2", "line 2: 2 cells under 34 columns"),
+        ("1.0,2", "line 2: its cells number 2, the header's 34"),
     ],
 )
 def test_a_bad_cell_is_named_with_its_line(tmp_path: Path, row: str, what: str) -> None:
@@ -98,5 +98,5 @@ def test_a_real_export(shared: Callable[[str], Path]) -> None:
     assert (source.info.t_end_ns - source.info.t_start_ns) / 1e9 == pytest.approx(6.94, abs=0.01)
     assert source.info.notes == (
         "No pupil data: diameters and blinks are not known.",
-        "61 of 2,054 gaze data hold no direction and were left out.",
+        "Of 2,054 gaze data those without a direction were left out: 61.",
     )

@@ -294,7 +294,7 @@ def mutate(frames: list[bytes], which: int, mutations: list[tuple[float, bytes, 
 
 @pytest.mark.shared_data
 # The fixture only finds a file: nothing of it needs a reset.
-@settings(deadline=None, max_examples=400, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(deadline=None, max_examples=150, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(st.data(), st.integers(0, 9), changes, st.floats(0.0, 1.0) | st.just(1.0))
 def test_spoiled_real_messages_raise_nothing(
     shared: Shared, data: st.DataObject, which: int, mutations: list[tuple[float, bytes, int]], cut: float

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import statistics
 import threading
 import time
@@ -421,6 +422,20 @@ def test_subscriptions_are_narrow_and_a_silent_connection_is_replaced(
     until(reader, lambda _: capture.subscriptions.count(b"\x01pupil.") >= 2)
     capture.publishes = True
     take(reader, 10)
+
+
+def test_a_socket_that_cannot_be_had_is_tried_for_again(bench: Bench, monkeypatch: pytest.MonkeyPatch) -> None:
+    make, refused = zmq.Context.socket, []
+
+    def make_late(context: zmq.Context[zmq.Socket[bytes]], kind: int) -> zmq.Socket[bytes]:
+        if kind == zmq.SUB and len(refused) < 2:
+            refused.append(kind)
+            raise zmq.ZMQError(errno.EMFILE)
+        return make(context, kind)
+
+    monkeypatch.setattr(zmq.Context, "socket", make_late)
+    take(bench.read(PupilCapture(bench.capture().address)), 10)
+    assert len(refused) == 2
 
 
 def test_a_slow_reader_gets_the_newest_and_what_was_dropped_is_counted(bench: Bench) -> None:

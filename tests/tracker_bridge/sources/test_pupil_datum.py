@@ -205,7 +205,7 @@ def test_any_bytes_give_samples_or_a_source_error(payload: bytes) -> None:
     read_all(payload)
 
 
-@settings(deadline=None, max_examples=300)
+@settings(deadline=None, max_examples=150)
 @given(mutations)
 def test_any_field_values_give_samples_or_a_source_error(fields: Map) -> None:
     read_all(msgpack.packb(PUPIL_3D | fields))

@@ -124,6 +124,26 @@ def test_a_disk_that_refuses_to_keep_it_is_told(tmp_path: Path, monkeypatch: pyt
     assert len(list(open_recording(tmp_path / "a").samples())) > 1
 
 
+def test_a_disk_without_room_for_the_timestamps_leaves_no_file_open(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def fail(file: Path, stamps: object) -> None:
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    recorder = PupilRecorder(tmp_path / "a")
+    for sample in of_a_time(0):
+        recorder.add(sample)
+    recorder.add(pupil(1))
+    files = [stream._file for stream in recorder._streams.values()]
+    assert len(files) == 2
+    monkeypatch.setattr(pupil_recorder.np, "save", fail)
+    with pytest.raises(RecordingError, match="cannot be finished: No space left on device"):
+        recorder.close()
+    for file in files:
+        with pytest.raises(OSError, match="Bad file descriptor"):
+            os.fstat(file)
+
+
 CHILD = """
 import sys
 from pathlib import Path

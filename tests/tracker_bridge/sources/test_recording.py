@@ -58,7 +58,7 @@ def test_2d_and_3d_of_one_image_are_one_sample(tmp_path: Path) -> None:
         (1_000_000_000, 4.0),
         (2_000_000_000, 4.0),
     ]
-    assert any("2 two-dimensional" in note for note in source.info.notes)
+    assert source.info.notes[0] == "Two-dimensional measurements that repeat an image were left out: 2."
 
 
 def test_a_2d_detector_alone_gives_pixels(tmp_path: Path) -> None:
@@ -75,10 +75,10 @@ def test_disorder_and_repetition_are_repaired_and_told(tmp_path: Path) -> None:
     assert_in_order(source)
     assert [s.diameter_mm for s in source.samples() if isinstance(s, PupilSample)] == [4.0, 4.0, 4.0]
     assert source.info.notes == (
-        "Time went backwards 1 times among 4 pupil samples; they were sorted.",
-        "1 of 4 pupil samples repeated a time and eye and were dropped.",
-        "Time went backwards 1 times among 3 gaze directions; they were sorted.",
-        "1 of 3 gaze directions repeated a time and eye and were dropped.",
+        "Among 4 pupil samples time went backwards; they were sorted; steps back: 1.",
+        "Of 4 pupil samples those that repeat a time and eye were dropped: 1.",
+        "Among 3 gaze directions time went backwards; they were sorted; steps back: 1.",
+        "Of 3 gaze directions those that repeat a time and eye were dropped: 1.",
     )
 
 
@@ -87,7 +87,7 @@ def test_pupils_are_taken_from_the_gaze_where_they_are_missing(tmp_path: Path) -
     write(tmp_path / "gaze.pldata", gaze(1.0, base_data=bases[:2]), gaze(1.15, base_data=bases[1:]))
     source = open_recording(tmp_path)
     assert kinds(source) == {("PupilSample", Eye.RIGHT): 2, ("PupilSample", Eye.LEFT): 1, ("GazeSample", None): 2}
-    assert source.info.notes == ("No pupil data of its own: 3 pupils were taken from the gaze data.",)
+    assert source.info.notes == ("No pupil data of its own; pupils that were taken from the gaze data: 3.",)
 
 
 def test_gaze_without_any_pupil_is_told(tmp_path: Path) -> None:
@@ -116,7 +116,7 @@ def test_scene_positions_without_3d_are_told(tmp_path: Path) -> None:
     empty = ("gaze", {"timestamp": 1.0, "confidence": 1.0})
     source = open_recording(write(tmp_path / "a.pldata", pupil(1.0), flat, empty))
     assert any("90° by 52°" in note for note in source.info.notes)
-    assert any(note.startswith("1 of 2 gaze data hold no direction") for note in source.info.notes)
+    assert any(note == "Of 2 gaze data those without a direction were left out: 1." for note in source.info.notes)
 
 
 def test_a_file_cut_anywhere_keeps_what_is_whole(tmp_path: Path) -> None:
@@ -239,9 +239,9 @@ def test_a_real_recording_of_capture_3_6(shared: Shared) -> None:
     assert all(s.diameter_mm is not None for s in source.samples() if isinstance(s, PupilSample))
     assert source.info.name == "Pupil recording capture_3_6"
     assert source.info.notes == (
-        "5,024 two-dimensional measurements repeat an image and were left out.",
-        "Time went backwards 76 times among 5,024 pupil samples; they were sorted.",
-        "Time went backwards 8 times among 2,990 gaze directions; they were sorted.",
+        "Two-dimensional measurements that repeat an image were left out: 5,024.",
+        "Among 5,024 pupil samples time went backwards; they were sorted; steps back: 76.",
+        "Among 2,990 gaze directions time went backwards; they were sorted; steps back: 8.",
     )
 
 

@@ -69,7 +69,7 @@ def test_lines_of_another_kind_are_left_out_and_told(tmp_path: Path) -> None:
     path = table(tmp_path, HEADER, "mark" + FIRST[6:], FIRST, "")
     source = open_table(path, read_table_map(table_map(tmp_path, BOTH_EYES)))
     assert len(list(source.samples())) == 4
-    assert "1 of 2 lines are of another kind; left out." in source.info.notes
+    assert "Of 2 lines those of another kind were left out: 1." in source.info.notes
 
 
 def test_what_is_empty_or_invalid(tmp_path: Path) -> None:
@@ -165,7 +165,7 @@ def test_origins_of_a_screen(tmp_path: Path, origin: str, at: tuple[int, int], e
         (FIRST.replace("1,5", ""), "column 'T': '' is empty"),
         (FIRST.replace("1,5", "1e28"), "no time in ms"),
         (FIRST.replace(";10;", ";-999;"), "beyond 180°.*`missing`"),
-        (FIRST + ";1", "line 3: 13 cells under 12 columns"),
+        (FIRST + ";1", "line 3: its cells number 13, the header's 12"),
     ],
 )
 def test_a_bad_cell_is_named_with_its_line(tmp_path: Path, row: str, what: str) -> None:

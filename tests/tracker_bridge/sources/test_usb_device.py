@@ -110,13 +110,76 @@ def test_another_hid_device_is_asked_and_gets_its_driver_back() -> None:
     assert (backend.handles, backend.has_system_driver) == ([], True)
 
 
+class Kept(TwinBackend):
+    """What libusb says on Windows of a device under Windows' own driver."""
+
+    def open_device(self, dev: int) -> Any:
+        raise NotImplementedError("Operation not supported or unimplemented on this platform")
+
+
+def test_a_device_that_windows_keeps_gets_another_driver_only_where_it_is_known_to_be_the_tracker(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr("sys.platform", "win32")
+    with pytest.raises(SourceError, match=r"USB device 1209:0001 \(kept .* name it with --usb-id\)") as unknown:
+        over(Kept(Played(1.0), timekeeper=Time()), Time())
+    assert "Zadig" not in str(unknown.value)
+    with pytest.raises(SourceError, match="Zadig"):
+        over(Kept(Played(1.0), timekeeper=Time()), Time(), "1209:0001")
+
+
+class OfSeveral(TwinBackend):
+    """The tracker's interface is the last of four: before it come a keyboard's, one whose endpoint carries nothing, and
+    an alternate setting that nobody has selected."""
+
+    def get_configuration_descriptor(self, dev: int, config: int) -> SimpleNamespace:
+        descriptor = super().get_configuration_descriptor(dev, config)
+        descriptor.bNumInterfaces = 4
+        return descriptor
+
+    def get_interface_descriptor(self, dev: int, intf: int, alt: int, config: int) -> SimpleNamespace:
+        if intf > 3 or (alt and (intf, alt) != (2, 1)):
+            raise IndexError(intf)
+        descriptor = super().get_interface_descriptor(dev, 0, 0, config)
+        descriptor.bInterfaceNumber, descriptor.bAlternateSetting = intf, alt
+        descriptor.bInterfaceSubClass = int(intf == 0)
+        descriptor.bNumEndpoints = int((intf, alt) != (2, 0))
+        return descriptor
+
+    def get_endpoint_descriptor(self, dev: int, ep: int, intf: int, alt: int, config: int) -> SimpleNamespace:
+        descriptor = super().get_endpoint_descriptor(dev, ep, 0, 0, config)
+        descriptor.bEndpointAddress = 0x81 + intf
+        descriptor.wMaxPacketSize = 0 if intf == 1 else 64
+        return descriptor
+
+    def ctrl_transfer(self, dev_handle: Any, *request: Any) -> int:
+        to_interface = request[0] & 0x1F == 1
+        assert not to_interface or request[3] == 3
+        return super().ctrl_transfer(dev_handle, *request)
+
+    def intr_read(self, dev_handle: Any, ep: int, intf: int, buff: Any, timeout: int) -> int:
+        assert (ep, intf) == (0x84, 3)
+        return super().intr_read(dev_handle, ep, intf, buff, timeout)
+
+
+@pytest.mark.parametrize("usb_id", [None, "1209:0001"])
+def test_of_several_interfaces_the_trackers_alone_is_taken(usb_id: str | None) -> None:
+    time = Time()
+    backend = OfSeveral(Played(0.5), timekeeper=time)
+    assert samples_in(list(over(backend, time, usb_id).samples()))
+    assert (backend.handles, backend.has_system_driver) == ([], True)
+
+
 def test_a_tracker_whose_descriptor_is_broken_says_so() -> None:
     class Broken(TwinBackend):
         def ctrl_transfer(self, dev_handle: Any, *request: Any) -> int:
             sent = super().ctrl_transfer(dev_handle, *request)
             return sent - 1 if request[2] == 0x2200 else sent
 
-    for usb_id, words in ((None, r"\(not to be read: 1 collections"), ("1209:0001", "no eye tracker that can be read")):
+    for usb_id, words in (
+        (None, r"\(not to be read: collections .* never closed: 1"),
+        ("1209:0001", "no eye tracker that can be read"),
+    ):
         with pytest.raises(SourceError, match=words):
             over(Broken(Played(1.0), timekeeper=Time()), Time(), usb_id)
 

@@ -32,7 +32,9 @@ def test_a_capture_gives_the_samples_that_were_seen(tmp_path: Path, faults: tupl
     assert again == live
     assert not replayed.info.live
     assert replayed.info.name == "Entoptic Simulated eye tracker (1209:0001), captured"
-    assert any("came back 1 times" in note for note in replayed.info.notes) == ("unplug@1s:0.5s" in faults)
+    assert any("came back in the capture; times: 1." in note for note in replayed.info.notes) == (
+        "unplug@1s:0.5s" in faults
+    )
     assert any("could not be read" in note for note in replayed.info.notes) == ("stall@1s" in faults)
 
 
@@ -55,6 +57,23 @@ def test_each_packet_is_in_the_file_before_the_next_is_read(tmp_path: Path) -> N
         before = path.stat().st_size
         capture.packet(b"\x13\x01\x00\x00", 5)
         assert msgpack.unpackb(path.read_bytes()[before:]) == [5, b"\x13\x01\x00\x00"]
+
+
+def test_a_packet_that_the_disk_takes_in_parts_is_whole_in_the_file(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = tmp_path / "a.usbcapture"
+    with UsbCapture(path) as capture:
+        whole = capture._file
+
+        class Sparing:
+            def write(self, data: memoryview) -> int:
+                return whole.write(data[:3])
+
+        monkeypatch.setattr(capture, "_file", Sparing())
+        capture.packet(b"\x13\x01\x00\x00", 5)
+        monkeypatch.undo()
+    assert msgpack.unpackb(path.read_bytes()) == [5, b"\x13\x01\x00\x00"]
 
 
 @given(st.integers(0, 100_000))
@@ -98,7 +117,7 @@ def test_a_file_cut_anywhere_is_read_up_to_its_last_whole_record(
         (msgpack.packb(["entoptic usb capture", 1, "it", b"\xff", 64, {}]), "cut off"),
         (msgpack.packb(["entoptic usb capture", 1, "it", DESCRIPTOR, 0, {}]), "broken at record 1"),
         (msgpack.packb(["entoptic usb capture", 1, "it", DESCRIPTOR, 64, {}]), "holds no samples"),
-        (msgpack.packb(["entoptic usb capture", 1, "it", DESCRIPTOR, 64, {}]) + b"\xc1", "broken"),
+        (msgpack.packb(["entoptic usb capture", 1, "it", DESCRIPTOR, 64, {}]) + b"\xc1", "broken at record 2"),
         (msgpack.packb(["entoptic usb capture", 1, "it", DESCRIPTOR, 64, {}]) + b"\x81\x90\x00", "broken"),
         (
             msgpack.packb(["entoptic usb capture", 1, "it", DESCRIPTOR, 64, {}]) + b"\x93\x01\x02\x03",

@@ -1,0 +1,115 @@
+"""The bridge's process, but for its being one: what it leaves behind, and how it ends where it cannot."""
+
+import csv
+import dataclasses
+import errno
+import io
+import json
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+import structlog
+
+from services import bridge
+from services.bridge import BridgeSettings
+from services.process import Stop
+from tracker_bridge.chain import Lane
+from tracker_bridge.samples import Eye, GazeSample, PupilSample
+from tracker_bridge.source import Item, SourceError, SourceInfo, Tick
+
+MS, S = 1_000_000, 1_000_000_000
+ANY = "tcp://127.0.0.1:*"
+
+
+class Tracker:
+    """A second at 200 Hz, from 1000 s on."""
+
+    def __init__(self, *, live: bool = False) -> None:
+        self.info = SourceInfo("made up", 1000 * S, None if live else 1001 * S, live=live)
+        self.is_open = False
+        self.taken = 0
+
+    def samples(self) -> Iterator[Item]:
+        self.is_open = True
+        try:
+            for t_ns in range(1000 * S, 1001 * S, 5 * MS):
+                self.taken += 1
+                yield PupilSample(t_ns, Eye.LEFT, 4.0, 1.0)
+                yield GazeSample(t_ns, None, 100.0 if t_ns == 1000 * S else 1.0, 0.0, 1.0)
+            if self.info.live:
+                yield Tick(t_ns)
+        finally:
+            self.is_open = False
+
+
+Run = Callable[..., list[dict[str, object]]]
+
+
+@pytest.fixture
+def run() -> Run:
+    def one(source: Tracker, **changes: object) -> list[dict[str, object]]:
+        asked = BridgeSettings(ANY, ANY, None, ANY, None, Lane.LIVE, None, source.info.live, False, None, None, None)
+        with structlog.testing.capture_logs() as said:
+            bridge.run(source, dataclasses.replace(asked, **changes), Stop(), structlog.get_logger())
+        return list(said)
+
+    return one
+
+
+def rows(path: Path) -> list[dict[str, str]]:
+    with path.open(newline="", encoding="utf-8") as file:
+        return list(csv.DictReader(file))
+
+
+@pytest.mark.parametrize("live", [False, True])
+def test_tables_are_made_with_their_folder_and_begin_at_nought(run: Run, tmp_path: Path, live: bool) -> None:
+    folder = tmp_path / "new" / "tables"
+    said = run(Tracker(live=live), tables=folder)
+    states, events = rows(folder / "states.csv"), rows(folder / "events.csv")
+    assert len(states) == 200
+    assert (events[0]["t_s"], events[0]["event"], events[-1]["event"]) == ("0.000000", "StreamStarted", "StreamEnded")
+    assert [line for line in said if line["event"] == "ended"] == [
+        {"event": "ended", "states": 200, "stalls": 0, "late_samples": 0, "log_level": "info"}
+    ]
+
+
+def test_a_recording_is_as_long_as_what_it_holds_and_what_it_lacks_is_said(run: Run, tmp_path: Path) -> None:
+    said = run(Tracker(), recording=tmp_path / "kept")
+    info = json.loads((tmp_path / "kept" / "info.player.json").read_text())
+    assert info["duration_s"] == pytest.approx(0.995)
+    assert [line["directions_beyond_90_deg_left_out"] for line in said if line["event"] == "recording"] == [1]
+
+
+class Full(io.StringIO):
+    """A file on a disk with room for ten writes more."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.room = 10
+
+    def write(self, text: str) -> int:
+        self.room -= 1
+        if self.room < 0:
+            raise OSError(errno.ENOSPC, "No space left on device")
+        return super().write(text)
+
+
+def test_tables_that_cannot_be_written_are_one_clear_error_and_free_the_tracker(
+    run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "file").touch()
+    with pytest.raises(SourceError, match=r"file cannot be written.*--tables"):
+        run(Tracker(), tables=tmp_path / "file")
+    source = Tracker()
+    with monkeypatch.context() as disk:
+        disk.setattr(Path, "open", lambda *_, **__: Full())
+        with pytest.raises(SourceError, match="No space left on device; make room"):
+            run(source, tables=tmp_path / "tables")
+    assert source.taken > 5
+    assert not source.is_open
+
+
+def test_a_live_tracker_waits_for_no_reader(run: Run) -> None:
+    with pytest.raises(SourceError, match="leave --pace out"):
+        run(Tracker(live=True), real_time=False, wait_for_reader=True)
