@@ -115,6 +115,8 @@ def _open_tracker(
     is_usb = spec == USB or spec.startswith(USB_SIMULATED)
     if tracker.record_raw is not None and not is_usb:
         raise SourceError(f"{spec} sends no USB packets that could be recorded: leave --record-raw out")
+    if tracker.usb_id is not None and spec != USB:
+        raise SourceError(f"{spec} is not looked for by VID:PID: leave --usb-id out, or name `{USB}`")
     if tracker.usb_faults and not spec.startswith(USB_SIMULATED):
         raise SourceError(f"only a simulated tracker has faults: name {USB_SIMULATED}RECORDING, or leave them out")
     if table_map is not None and (spec in (CAPTURE, USB) or spec.startswith(USB_FILE)):

@@ -62,6 +62,7 @@ def test_trackers_and_what_one_sent(tmp_path: Path) -> None:
         ("simulated", {"tracker": TrackerSettings(record_raw=Path("raw"))}, "sends no USB packets"),
         ("capture", {"tracker": TrackerSettings(record_raw=Path("raw"))}, "sends no USB packets"),
         ("usb-file:raw", {"tracker": TrackerSettings(record_raw=Path("raw"))}, "sends no USB packets"),
+        ("capture", {"tracker": TrackerSettings(usb_id="1209:0001")}, "leave --usb-id out"),
         ("usb", {"tracker": TrackerSettings(usb_faults=("stall@1s",))}, "only a simulated tracker has faults"),
         ("usb", {"tracker": TrackerSettings(usb_id="mine")}, "is no USB ID"),
         ("capture", {"tracker": TrackerSettings(remote="lab")}, "no address of Pupil Remote"),
