@@ -195,7 +195,7 @@ class _Writer:
             "" if duration_ns is None else f"{duration_ns * 1e-6:.1f}",
             _number(amplitude),
             _number(velocity),
-            "; ".join(f"{name} {value}" for name, value in fields.items()),
+            "; ".join(f"{name} {_number(v) if isinstance(v, float) else v}" for name, v in fields.items()),
         ]
 
     def _seconds(self, t_ns: int) -> str:

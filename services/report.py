@@ -24,7 +24,13 @@ from pipeline.plan import SKIPPED, Effect
 Table = dict[str, list[str]]
 
 COLOURS = {"left": "#2a6fbb", "right": "#c8553d"}
-NOT_TRACKING = {"blink": "#f2c14e", "dropout": "#c9c9c9", "lost": "#8c8c8c"}
+NOT_TRACKING = {
+    "closing": "#f9e2a8",
+    "blink": "#f2c14e",
+    "opening": "#fbeecb",
+    "dropout": "#c9c9c9",
+    "lost": "#8c8c8c",
+}
 PART_COLOURS = dict(
     zip(
         ("scene", "measure", *(effect.value for effect in Effect), "encode"),
@@ -113,7 +119,7 @@ def _pupils(states: Table, plan: Table, view: dict[str, float]) -> Figure:
     handles: list[Artist] = [Patch(color=colour, alpha=0.55, label=phase) for phase, colour in NOT_TRACKING.items()]
     handles.append(Line2D([], [], marker=".", ls="", color="#999999", label="measured"))
     handles.append(Line2D([], [], color="#444444", label="used"))
-    axes[0].legend(handles=handles, ncols=5, loc="upper center", bbox_to_anchor=(0.5, 1.28), frameon=False, fontsize=8)
+    axes[0].legend(handles=handles, ncols=7, loc="upper center", bbox_to_anchor=(0.5, 1.28), frameon=False, fontsize=8)
     return figure
 
 
