@@ -93,7 +93,7 @@ class Control:
         return self._socket.getsockopt_string(zmq.LAST_ENDPOINT)
 
     def attend(self) -> None:
-        """Answers one request that has come: whoever asks without end holds nothing up. Costs 2 µs where none has."""
+        """Answers one request that has come: whoever asks without end holds nothing up. Where none has: 9 µs."""
         if self._socket.poll(0):
             reply = self._answer(b"".join(self._socket.recv_multipart()))
             self._socket.send(msgspec.msgpack.encode(reply))

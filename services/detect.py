@@ -6,15 +6,15 @@ import bisect
 import csv
 import dataclasses
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 
 from services.event_scores import Scores, Span, compare
-from tracker_bridge.dropout import DropoutFilter
+from tracker_bridge.chain import records_of
 from tracker_bridge.events import BlinkOffset, BlinkOnset, SaccadeKind, SaccadeOffset, SaccadeOnset
-from tracker_bridge.microsaccades import COVERED, MIN_CONFIDENCE, SaccadeDetector
-from tracker_bridge.samples import NS_PER_S, Eye, GazeSample, PupilSample
-from tracker_bridge.source import Source, SourceError
+from tracker_bridge.microsaccades import COVERED, MIN_CONFIDENCE
+from tracker_bridge.samples import NS_PER_S, Eye, EyeState, GazeSample
+from tracker_bridge.source import Item, Source, SourceError
 
 AT_BLINK_NS = 100_000_000
 """A movement that ends so shortly before the eye is lost may be the lid's. Online nobody can know in time."""
@@ -54,29 +54,32 @@ class Found:
 
 def detect(source: Source) -> list[Found]:
     """All events of a recorded source, in the order of their onsets. Raises SourceError where there is no gaze."""
-    detector = SaccadeDetector()
-    filters = {eye: DropoutFilter() for eye in Eye}
     saccades: list[SaccadeOnset | SaccadeOffset] = []
     blinks: list[tuple[int, BlinkOffset]] = []
     blink_onsets_ns: dict[Eye, int] = {}
     lost_ns: list[int] = []
     gaze_count = 0
-    for sample in source.samples():
-        if isinstance(sample, PupilSample):
-            shown = filters[sample.eye].step(sample)
-            if shown.phase in COVERED:
-                lost_ns.append(sample.t_ns)
-                saccades.extend(detector.blind(sample.t_ns, sample.eye))
-            for event in shown.events:
-                if isinstance(event, BlinkOnset):
-                    blink_onsets_ns[event.eye] = event.t_ns
-                elif isinstance(event, BlinkOffset) and event.eye in blink_onsets_ns:
-                    blinks.append((blink_onsets_ns.pop(event.eye), event))
-        elif isinstance(sample, GazeSample):
-            gaze_count += 1
-            if sample.confidence < MIN_CONFIDENCE:
-                lost_ns.append(sample.t_ns)
-            saccades.extend(detector.step(sample))
+
+    def watched() -> Iterator[Item]:
+        nonlocal gaze_count
+        for item in source.samples():
+            if isinstance(item, GazeSample):
+                gaze_count += 1
+                if item.confidence < MIN_CONFIDENCE:
+                    lost_ns.append(item.t_ns)
+            yield item
+
+    for record in records_of(watched()):
+        match record:
+            case EyeState():
+                if any(one.phase in COVERED and one.t_ns == record.t_ns for one in (record.right, record.left)):
+                    lost_ns.append(record.t_ns)
+            case SaccadeOnset() | SaccadeOffset():
+                saccades.append(record)
+            case BlinkOnset():
+                blink_onsets_ns[record.eye] = record.t_ns
+            case BlinkOffset() if record.eye in blink_onsets_ns:
+                blinks.append((blink_onsets_ns.pop(record.eye), record))
     if not gaze_count:
         raise SourceError(f"{source.info.name} holds no directions of gaze: choose a recording that does, or map them")
     lost_ns.sort()

@@ -72,11 +72,11 @@ def load_client(folder: Path) -> ClientKeys:
 
 def _new_folder(folder: Path, remedy: str) -> Path:
     """Closed to others from its first moment on, so that no key in it ever lies open."""
+    if folder.exists():
+        raise KeysError(f"{folder} is there already and is not overwritten: {remedy}")
     try:
         folder.parent.mkdir(parents=True, exist_ok=True)
         folder.mkdir(mode=0o700)
-    except FileExistsError:
-        raise KeysError(f"{folder} is there already and is not overwritten: {remedy}") from None
     except OSError as error:
         raise KeysError(f"cannot make {folder}: {error.strerror}; choose another --out") from None
     return folder

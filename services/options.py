@@ -61,6 +61,10 @@ Fps = Annotated[float, typer.Option(min=0.1, max=1000, help="Frames per second."
 Width = Annotated[int | None, typer.Option(min=1, max=16384, help="Pixels per eye; the scene's own unless given.")]
 Height = Annotated[int | None, typer.Option(min=1, max=16384, help="Pixels per eye; the scene's own unless given.")]
 Fov = Annotated[float, typer.Option(metavar="DEG", min=1, max=175, help="Horizontal field of view.")]
+WhichEyes = Annotated[Eyes, typer.Option(help="Which eyes are rendered; both stand side by side.")]
+Live = Annotated[
+    bool, typer.Option("--live/--offline", help="By the clock, dropping frames; or every frame by recorded time.")
+]
 Seed = Annotated[int, typer.Option(min=0, help="Which simulated person.")]
 Head = Annotated[
     str,

@@ -164,6 +164,8 @@ def calibrate(
                 found = calibrates.pupil_map_of(attempt, chosen, opened.info.name, screens, map_mm=map_mm)
                 kept = (found, attempt)
                 _print_result(found, number, repeats)
+            if isinstance(screens, SocketDisplay) and screens.unreadable:
+                console.print(f"the display said something that cannot be read: {escape(screens.unreadable)}")
             screens.tell(_in_words(attempt), again=number < repeats)
             if stop():
                 break

@@ -19,6 +19,7 @@ from services.options import (
     Fps,
     Head,
     Height,
+    Live,
     MeanLuminance,
     Pace,
     Recording,
@@ -29,6 +30,7 @@ from services.options import (
     Seed,
     SettingsFile,
     TableMap,
+    WhichEyes,
     Width,
 )
 from services.process import Stop, prepare_jax
@@ -45,12 +47,10 @@ def session(
     width: Width = None,
     height: Height = None,
     fov: Fov = 104.0,
-    eyes: Annotated[Eyes, typer.Option(help="Which eyes are rendered; both stand side by side.")] = Eyes.LEFT,
+    eyes: WhichEyes = Eyes.LEFT,
     seed: Seed = 0,
     out: Annotated[Path | None, typer.Option(help="Folder for the results; sessions/<time> unless given.")] = None,
-    live: Annotated[
-        bool, typer.Option("--live/--offline", help="By the clock, dropping frames; or every frame by recorded time.")
-    ] = False,
+    live: Live = False,
     head: Head = "look-around",
     settings: SettingsFile = None,
     save: SaveOption = [Save.VIDEO],  # noqa: B006 - typer copies it

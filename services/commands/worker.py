@@ -16,12 +16,14 @@ from services.options import (
     Fps,
     Head,
     Height,
+    Live,
     MeanLuminance,
     Save,
     SaveOption,
     SceneSpec,
     Seconds,
     SettingsFile,
+    WhichEyes,
     Width,
 )
 from services.process import prepare_jax, process
@@ -38,10 +40,8 @@ def worker(
     width: Width = None,
     height: Height = None,
     fov: Fov = 104.0,
-    eyes: Annotated[Eyes, typer.Option(help="Which eyes are rendered; both stand side by side.")] = Eyes.LEFT,
-    live: Annotated[
-        bool, typer.Option("--live/--offline", help="By the clock, dropping frames; or every frame by recorded time.")
-    ] = False,
+    eyes: WhichEyes = Eyes.LEFT,
+    live: Live = False,
     head: Head = "look-around",
     settings: SettingsFile = None,
     save: SaveOption = [Save.VIDEO],  # noqa: B006

@@ -229,3 +229,9 @@ def test_with_keys_a_bridge_may_listen_to_all_the_network(out: Path) -> None:
     assert reader.wait_for_start(say(publisher)) is not None  # the replay's port goes with the host it reads from
     reader.close()
     publisher.close()
+
+
+def test_keys_in_a_file_s_place_are_refused_for_what_it_is(tmp_path: Path) -> None:
+    (tmp_path / "a_file").write_text("")
+    with pytest.raises(keys.KeysError, match=r"a_file.bridge: .*; choose another --out"):
+        keys.make_bridge(tmp_path / "a_file")

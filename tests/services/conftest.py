@@ -1,0 +1,35 @@
+"""Bridges and readers that end with their test."""
+
+from collections.abc import Callable, Iterator
+
+import pytest
+from bridges import Bridge, LossyBridge
+
+from services.reader import StateReader
+
+
+@pytest.fixture
+def bridge() -> Iterator[Bridge]:
+    made = Bridge()
+    yield made
+    made.publisher.close()
+
+
+@pytest.fixture
+def connect() -> Iterator[Callable[..., StateReader]]:
+    made: list[StateReader] = []
+
+    def reader_of(addresses: tuple[str, str], *, newest_only: bool) -> StateReader:
+        made.append(StateReader(*addresses, newest_only=newest_only))
+        return made[-1]
+
+    yield reader_of
+    for reader in made:
+        reader.close()
+
+
+@pytest.fixture
+def lossy() -> Iterator[LossyBridge]:
+    made = LossyBridge()
+    yield made
+    made.context.destroy(linger=0)
