@@ -33,7 +33,7 @@ def write(path: Path, analysis: Analysis, screens: Sequence[ShownScreen], title:
     for axes, result in zip(rows, results, strict=False):
         _draw(axes, result, screens, start_ns)
     rows[-1].set_xlabel("time since the first screen / s")
-    problems = [f"{problem.failure.value}: {problem.detail}" for problem in analysis.problems]
+    problems = [f"{problem.name}: {problem.detail}" for problem in analysis.problems]
     figure.suptitle("\n".join([title, *problems]), fontsize=9)
     figure.legend(handles=_handles(), ncols=6, loc="outside lower center", frameon=False, fontsize=8)
     figure.savefig(path, format="png", dpi=100)

@@ -80,6 +80,11 @@ class Problem(msgspec.Struct, frozen=True):
         """What to do."""
         return REMEDIES[self.failure]
 
+    @property
+    def name(self) -> str:
+        """What is wrong, and with which eye."""
+        return self.failure.value if self.eye is None else f"{self.failure.value}, {self.eye.name.lower()} eye"
+
 
 @dataclasses.dataclass(frozen=True)
 class Trace:

@@ -219,8 +219,7 @@ def _print_problems(attempt: Attempt, number: int, repeats: int) -> None:
     if repeats > 1:
         console.print(f"run {number} of {repeats}")
     for problem in attempt.problems:
-        whose = "" if problem.eye is None else f", {problem.eye.name.lower()} eye"
-        console.print(f"[red]{problem.failure.value}[/red]{whose}: {escape(problem.detail)}", soft_wrap=True)
+        console.print(f"[red]{problem.name}[/red]: {escape(problem.detail)}", soft_wrap=True)
     for remedy in dict.fromkeys(problem.remedy for problem in attempt.problems):
         console.print(f"  → {escape(remedy)}", soft_wrap=True)
 
