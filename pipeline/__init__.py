@@ -1,6 +1,7 @@
 """The light side: from frames in cd/m² and the state of the eyes to what a person perceives.
 
-frame.py      Frame, view geometry, display, observer
+frame.py      Frame, view geometry, display
+observer.py   the person who looks
 scenes/       where frames come from
 measure.py    what a frame contains
 plan.py       which effects it calls for, at which level, and why
@@ -16,7 +17,8 @@ import jax
 # Kernels and their energy are computed in float64; frames say float32 themselves, everywhere.
 jax.config.update("jax_enable_x64", True)
 
-from pipeline.frame import Display, Frame, FrameError, Observer, View  # noqa: E402 - after the switch above
+from pipeline.frame import Display, Frame, FrameError, View  # noqa: E402 - after the switch above
+from pipeline.observer import Iris, Living, Observer  # noqa: E402
 from pipeline.plan import GlareModel, Plan, Step  # noqa: E402
 from pipeline.render import Looking, Perceived, RenderState, as_displayed, perceive  # noqa: E402
 
@@ -25,6 +27,8 @@ __all__ = [
     "Frame",
     "FrameError",
     "GlareModel",
+    "Iris",
+    "Living",
     "Looking",
     "Observer",
     "Perceived",

@@ -131,17 +131,3 @@ class Display(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     and has more room above it, a dimmer one shows the same picture darker."""
     black_cd_m2: Annotated[float, msgspec.Meta(ge=0.0, le=10.0)] = 0.0
     """Luminance of full black."""
-
-
-class Observer(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """The person who looks: what makes their eye theirs."""
-
-    age_years: Annotated[float, msgspec.Meta(ge=1.0, le=120.0)] = 30.0
-    particles: Annotated[int, msgspec.Meta(ge=0, le=20000)] = 1000
-    """Scattering particles over the pupil plane (LUI §5.2.4; van den Berg 2005)."""
-    particle_mm: Annotated[float, msgspec.Meta(ge=0.005, le=0.5)] = 0.042
-    """Their diameter (LUI §5.2.4)."""
-    gratings: Annotated[int, msgspec.Meta(ge=0, le=2000)] = 200
-    """Patches of lens fibres that make the halo (RIT §3.2)."""
-    seed: Annotated[int, msgspec.Meta(ge=0)] = 0
-    """Which of all eyes with these statistics."""

@@ -14,8 +14,9 @@ import numpy as np
 from jaxtyping import Array, Float, UInt8
 
 from pipeline.effects import acuity, adaptation, glare, night_colour, tone
-from pipeline.frame import Display, Frame, FrameError, Observer
+from pipeline.frame import Display, Frame, FrameError
 from pipeline.measure import Measurement, luminance, measure
+from pipeline.observer import Observer
 from pipeline.optics.pupil import watson_yellott_mm
 from pipeline.plan import Effect, GlareModel, Plan, make_plan
 

@@ -17,7 +17,8 @@ import numpy as np
 import scipy.fft
 from jaxtyping import Array, Complex, Float
 
-from pipeline.frame import Observer, View
+from pipeline.frame import View
+from pipeline.observer import Observer
 from pipeline.optics import analytic, aperture, diffraction, spectrum
 
 WINDOW_PX = 1024

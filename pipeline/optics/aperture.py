@@ -13,7 +13,7 @@ import numpy as np
 from jaxtyping import Array, Complex, Float
 from scipy.special import j0, j1
 
-from pipeline.frame import Observer
+from pipeline.observer import Observer
 from pipeline.optics import OpticsError
 
 PLANE_M = 9e-3
