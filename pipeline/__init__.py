@@ -17,17 +17,21 @@ import jax
 # Kernels and their energy are computed in float64; frames say float32 themselves, everywhere.
 jax.config.update("jax_enable_x64", True)
 
-from pipeline.frame import Display, Frame, FrameError, View  # noqa: E402 - after the switch above
+from pipeline.effects.glare import Glare, GlareLevel, GlareModel  # noqa: E402 - after the switch above
+from pipeline.frame import Display, Frame, FrameError, Light, View  # noqa: E402 - after the switch above
 from pipeline.observer import Iris, Living, Observer  # noqa: E402
-from pipeline.plan import GlareModel, Plan, Step  # noqa: E402
+from pipeline.plan import Plan, Step  # noqa: E402
 from pipeline.render import Looking, Perceived, RenderState, as_displayed, perceive  # noqa: E402
 
 __all__ = [
     "Display",
     "Frame",
     "FrameError",
+    "Glare",
+    "GlareLevel",
     "GlareModel",
     "Iris",
+    "Light",
     "Living",
     "Looking",
     "Observer",

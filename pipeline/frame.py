@@ -81,12 +81,39 @@ class Cleaned:
 
 
 @dataclasses.dataclass(frozen=True)
+class Light:
+    """A light of its own: far away, apart from the frame's pixels, with its own spectrum."""
+
+    azimuth_deg: float
+    """From the middle of the view to the right."""
+    elevation_deg: float
+    """Upwards."""
+    illuminance_lx: float
+    """At the eye, on a plane that faces the light: its luminance times its solid angle."""
+    radius_deg: float = 0.0
+    """Of its disc; 0 for a point."""
+    spectrum: str = "D65"
+    """Name of its spectral power distribution, or a file of one (optics/light_spectra.py). It gives the colour too."""
+
+    def __post_init__(self) -> None:
+        place = (self.azimuth_deg, self.elevation_deg)
+        if not all(map(math.isfinite, (*place, self.illuminance_lx, self.radius_deg))):
+            raise FrameError(f"a light at {place}°: direction, illuminance and radius must be finite numbers")
+        if self.illuminance_lx < 0 or not 0 <= self.radius_deg <= 45:
+            raise FrameError(
+                f"a light of {self.illuminance_lx} lx and {self.radius_deg}°: give 0 lx or more, and 0 to 45°"
+            )
+
+
+@dataclasses.dataclass(frozen=True)
 class Frame:
     """What stands before the eyes: linear Rec.709 RGB (D65 white) in cd/m², one image an eye."""
 
     rgb_cd_m2: Float[Array, "eye 3 y x"]
     view: View
     cleaned: Cleaned = Cleaned()
+    lights: tuple[Light, ...] = ()
+    """Lights that the pixels do not show, drawn with their glare."""
 
     @classmethod
     def from_rgb(cls, rgb: ArrayLike, fov_deg: float = 104.0, *, cd_m2_per_unit: float = 1.0) -> Frame:

@@ -7,7 +7,8 @@ import enum
 from collections.abc import Sequence
 
 from pipeline.effects import acuity, adaptation, night_colour
-from pipeline.effects.glare import Scattering
+from pipeline.effects.glare import Glare, Scattering
+from pipeline.frame import Light
 from pipeline.measure import MAX_SOURCES, Measurement
 from pipeline.threshold import threshold_cd_m2
 
@@ -20,15 +21,6 @@ class Effect(enum.StrEnum):
     ACUITY = "acuity"
     TONE = "tone"
     NIGHT_COLOUR = "night_colour"
-
-
-class GlareModel(enum.StrEnum):
-    """Which point-spread function glare uses where it runs."""
-
-    WAVE = "wave"
-    """Wave optics of this observer's pupil, in a window around the gaze (LUI §5.2)."""
-    ANALYTIC = "analytic"
-    """SPE's formula by age and adaptation, over the whole frame."""
 
 
 SKIPPED = "skipped"
@@ -59,7 +51,8 @@ def make_plan(
     measured: Sequence[Measurement],
     adapted_cd_m2: Sequence[float],
     scattering: Sequence[Scattering],
-    glare: GlareModel = GlareModel.WAVE,
+    glare: Glare = Glare(),
+    lights: Sequence[Light] = (),
 ) -> Plan:
     """The plan for a frame: an effect runs on all eyes' images if any eye calls for it.
 
@@ -68,7 +61,7 @@ def make_plan(
     """
     return (
         Step(Effect.ADAPTATION, "temporal", f"adapted to {_list(adapted_cd_m2)} cd/m²"),
-        _plan_glare(measured, adapted_cd_m2, scattering, glare),
+        _plan_glare(measured, adapted_cd_m2, scattering, glare, lights),
         _plan_acuity(measured, scattering),
         Step(Effect.TONE, "aces", "every display needs it"),
         _plan_night_colour(adapted_cd_m2),
@@ -79,8 +72,14 @@ def _plan_glare(
     measured: Sequence[Measurement],
     adapted_cd_m2: Sequence[float],
     scattering: Sequence[Scattering],
-    model: GlareModel,
+    glare: Glare,
+    lights: Sequence[Light],
 ) -> Step:
+    if lights:
+        reason = (
+            f"{len(lights)} {'lights of their own are' if len(lights) > 1 else 'light of its own is'} drawn with it"
+        )
+        return Step(Effect.GLARE, f"{glare.model} {glare.level}", reason)
     # The eye that calls for it most.
     bound, threshold, eye = max(
         (
@@ -96,7 +95,7 @@ def _plan_glare(
         )
         return Step(Effect.GLARE, SKIPPED, reason)
     reason = f"{seen}: glare may change a pixel by {bound:.2g}, over the threshold of {threshold:.2g} cd/m²"
-    return Step(Effect.GLARE, model.value, reason)
+    return Step(Effect.GLARE, f"{glare.model} {glare.level}", reason)
 
 
 def _lights(measured: Measurement) -> str:

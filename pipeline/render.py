@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
 import math
 import time
 from collections.abc import Callable, Sequence
@@ -13,12 +14,16 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, UInt8
 
-from pipeline.effects import acuity, adaptation, glare, night_colour, tone
-from pipeline.frame import Display, Frame, FrameError
+from pipeline.effects import acuity, adaptation, night_colour, tone
+from pipeline.effects.glare import Glare, GlareLevel, Mixture, bounds, mixture, scatter
+from pipeline.frame import Display, Frame, FrameError, View
 from pipeline.measure import Measurement, luminance, measure
 from pipeline.observer import Observer
+from pipeline.optics import living
+from pipeline.optics.aperture import Pose
+from pipeline.optics.living import Kick, LivingState
 from pipeline.optics.pupil import watson_yellott_mm
-from pipeline.plan import Effect, GlareModel, Plan, make_plan
+from pipeline.plan import Effect, Plan, make_plan
 
 DISPLAY_KEY = 0.18
 """Middle grey of ordinary auto-exposure (Reinhard 2002)."""
@@ -34,12 +39,18 @@ class Looking:
     """Upwards positive."""
     pupil_mm: float | None = None
     """Measured diameter; None for what Watson & Yellott expect of this light and age."""
+    openness: float = 1.0
+    """How far the lids are open, 0 to 1. It shapes glare where `living.lids` is on."""
+    kicks: tuple[Kick, ...] = ()
+    """The turns of the eye since the frame before, saccades and microsaccades."""
 
     def __post_init__(self) -> None:
         if not (math.isfinite(self.azimuth_deg) and math.isfinite(self.elevation_deg)):
             raise FrameError(f"gaze ({self.azimuth_deg}, {self.elevation_deg})°: both angles must be finite numbers")
         if self.pupil_mm is not None and not 0.5 <= self.pupil_mm <= 12:
             raise FrameError(f"a pupil of {self.pupil_mm} mm: give 0.5 to 12 mm, or none to have it computed")
+        if not 0 <= self.openness <= 1:
+            raise FrameError(f"an openness of {self.openness}: it must lie between 0, closed, and 1, open")
 
 
 @dataclasses.dataclass(frozen=True)
@@ -48,6 +59,20 @@ class RenderState:
 
     adapted_cd_m2: tuple[float, ...]
     """The luminance each eye is adapted to."""
+    living: tuple[LivingState, ...] = ()
+    """What of each eye is in motion; empty: all at rest."""
+    glared: Glared | None = None
+    """The last frame with its glare: while nothing changes it serves again."""
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Glared:
+    """A frame with glare, and what it was made of."""
+
+    rgb_cd_m2: Float[Array, "eye 3 y x"]
+    cause: tuple[object, ...]
+    """Lights, view, gazes, kernels and their weights, level and ceilings."""
+    result: Float[Array, "eye 3 y x"]
 
 
 @dataclasses.dataclass(frozen=True)
@@ -76,12 +101,12 @@ def perceive(
     display: Display = Display(),
     state: RenderState | None = None,
     dt_s: float = 0.0,
-    glare_model: GlareModel = GlareModel.WAVE,
+    glare: Glare = Glare(),
 ) -> Perceived:
     """A frame as a person perceives it.
 
     `eye` is one `Looking` for all images of the frame or one for each. `state` is what the frame before left behind,
-    `dt_s` ≥ 0 how long ago that was; without a state the eyes are fully adapted to this frame.
+    `dt_s` ≥ 0 how long ago that was; without a state the eyes are fully adapted to this frame and at rest.
     Raises FrameError where the number of eyes and of images differ.
     """
     images = frame.rgb_cd_m2.shape[0]
@@ -91,32 +116,36 @@ def perceive(
     clock = _Clock()
     measured = clock.time("measure", lambda: measure(frame))
     adapted = clock.time(Effect.ADAPTATION, lambda: _adapt(measured, eyes, state, dt_s))
-    view = frame.view
-    field_deg2 = view.fov_deg * math.degrees(2 * math.atan(view.height_px / 2 / view.focal_px))
-    pupils = tuple(
-        watson_yellott_mm(luminance_cd_m2, field_deg2, observer.age_years) if eye.pupil_mm is None else eye.pupil_mm
-        for eye, luminance_cd_m2 in zip(eyes, adapted, strict=True)
-    )
-    bounds = [
-        glare.wave_bounds(observer, pupil_mm, view)
-        if glare_model is GlareModel.WAVE
-        else glare.analytic_bounds(view, luminance_cd_m2, observer.age_years)
-        for pupil_mm, luminance_cd_m2 in zip(pupils, adapted, strict=True)
+    moving = _move(observer, eyes, pupils := _pupils(frame.view, eyes, adapted, observer), state, dt_s)
+    poses = [
+        living.pose_of(motion, observer, pupil_mm, eye.openness, measured=eye.pupil_mm is not None)
+        for motion, pupil_mm, eye in zip(moving, pupils, eyes, strict=True)
     ]
-    plan = make_plan(measured, adapted, bounds, glare_model)
+    kernels = tuple(
+        mixture(glare.model, observer, pose, luminance_cd_m2, frame.view.ppd_centre)
+        for pose, luminance_cd_m2 in zip(poses, adapted, strict=True)
+    )
+    plan = make_plan(measured, adapted, [bounds(kernel) for kernel in kernels], glare, frame.lights)
     runs = {step.effect for step in plan if step.runs}
-    rgb = frame.rgb_cd_m2
+    exposures = np.array([adaptation.exposure(luminance_cd_m2) for luminance_cd_m2 in adapted])
+    rgb, glared = frame.rgb_cd_m2, None
     if Effect.GLARE in runs:
-        rgb = clock.time(Effect.GLARE, lambda: _glare(rgb, frame, eyes, adapted, pupils, observer, glare_model))
+        ceilings = [tone.ceiling_cd_m2(exposure, display.peak_cd_m2) for exposure in exposures.tolist()]
+        spread = functools.partial(
+            _glare, frame, eyes, observer, poses, kernels, ceilings if glare.above_display else None
+        )
+        before = None if state is None else state.glared
+        glared = clock.time(Effect.GLARE, lambda: spread(glare, before))
+        rgb = glared.result
     if Effect.ACUITY in runs:
         rgb = clock.time(Effect.ACUITY, lambda: acuity.dark_acuity(rgb))
-    exposures = np.array([adaptation.exposure(luminance_cd_m2) for luminance_cd_m2 in adapted])
     shown = clock.time(Effect.TONE, lambda: tone.aces(rgb, exposures, display.peak_cd_m2))
     if Effect.NIGHT_COLOUR in runs:
         rods = np.array([adaptation.rod_sensitivity(luminance_cd_m2) for luminance_cd_m2 in adapted])
         shown = clock.time(Effect.NIGHT_COLOUR, lambda: night_colour.night_tint(shown, rods))
     image = clock.time("encode", lambda: np.asarray(tone.encode(shown, tone.black_share(display))))
-    return Perceived(image, shown, plan, RenderState(adapted), measured, pupils, clock.milliseconds)
+    used_mm = tuple(pose.pupil_mm for pose in poses)
+    return Perceived(image, shown, plan, RenderState(adapted, moving, glared), measured, used_mm, clock.milliseconds)
 
 
 def as_displayed(frame: Frame, display: Display = Display()) -> UInt8[np.ndarray, "eye y x 3"]:
@@ -146,23 +175,63 @@ def _adapt(
     )
 
 
+def _pupils(view: View, eyes: Sequence[Looking], adapted: Sequence[float], observer: Observer) -> tuple[float, ...]:
+    field_deg2 = view.fov_deg * math.degrees(2 * math.atan(view.height_px / 2 / view.focal_px))
+    return tuple(
+        watson_yellott_mm(luminance_cd_m2, field_deg2, observer.age_years) if eye.pupil_mm is None else eye.pupil_mm
+        for eye, luminance_cd_m2 in zip(eyes, adapted, strict=True)
+    )
+
+
+def _move(
+    observer: Observer, eyes: Sequence[Looking], pupils: Sequence[float], state: RenderState | None, dt_s: float
+) -> tuple[LivingState, ...]:
+    before = () if state is None else state.living
+    return tuple(
+        living.step(motion, observer, dt_s, pupil_mm, eye.kicks)
+        for motion, pupil_mm, eye in zip(before or (living.at_rest(observer),) * len(eyes), pupils, eyes, strict=True)
+    )
+
+
 def _glare(
-    rgb: Float[Array, "eye 3 y x"],
     frame: Frame,
     eyes: Sequence[Looking],
-    adapted: Sequence[float],
-    pupils: Sequence[float],
     observer: Observer,
-    model: GlareModel,
-) -> Float[Array, "eye 3 y x"]:
-    view, images = frame.view, []
-    for k, eye in enumerate(eyes):
-        if model is GlareModel.ANALYTIC:
-            images.append(glare.analytic_glare(rgb[k], view, adapted[k], observer.age_years))
-        else:
-            gaze_px = view.pixel_of(eye.azimuth_deg, eye.elevation_deg)
-            images.append(glare.wave_glare(rgb[k], view, observer, pupils[k], gaze_px))
-    return jnp.stack(images)
+    poses: Sequence[Pose],
+    kernels: tuple[Mixture, ...],
+    ceilings: Sequence[float] | None,
+    settings: Glare,
+    before: Glared | None,
+) -> Glared:
+    """The frame with its glare: the one before, where nothing changed."""
+    gazes_px = [frame.view.pixel_of(eye.azimuth_deg, eye.elevation_deg) for eye in eyes]
+    # Of these levels the gaze changes nothing.
+    gazed = tuple(gazes_px) if settings.level is GlareLevel.WINDOW else ()
+    cause = (
+        kernels,
+        gazed,
+        settings,
+        None if ceilings is None else tuple(ceilings),
+        frame.lights,
+        frame.view,
+        observer,
+    )
+    if before is not None and before.rgb_cd_m2 is frame.rgb_cd_m2 and before.cause == cause:
+        return before
+    images = [
+        scatter(
+            frame.rgb_cd_m2[k],
+            frame,
+            settings,
+            kernels[k],
+            gazes_px[k],
+            None if ceilings is None else ceilings[k],
+            observer,
+            poses[k],
+        )
+        for k in range(len(eyes))
+    ]
+    return Glared(frame.rgb_cd_m2, cause, jnp.stack(images))
 
 
 Result = TypeVar("Result")

@@ -75,7 +75,10 @@ Head = Annotated[
 ]
 SettingsFile = Annotated[
     Path | None,
-    typer.Option("--settings", help=r"TOML file with \[observer], \[display] and glare = 'wave' or 'analytic'."),
+    typer.Option(
+        "--settings",
+        help=r"TOML file with \[observer], \[display] and \[glare]; [b]entoptic psf --save-observer[/b] writes one.",
+    ),
 ]
 SaveOption = Annotated[
     list[Save], typer.Option("--save", help="How perceived frames are kept; may be given more than once.")

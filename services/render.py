@@ -41,7 +41,7 @@ def run(
         observer=settings.observer,
         display=settings.display,
         state=None if adapted_cd_m2 is None else RenderState((adapted_cd_m2,)),
-        glare_model=settings.glare,
+        glare=settings.glare,
     )
     write_png(output, perceived.image[0])
     console.print(_plan_table(perceived))

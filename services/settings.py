@@ -1,4 +1,4 @@
-"""What a settings file may hold: the observer and the display, as TOML."""
+"""What a settings file may hold: the observer, the display and how glare is made, as TOML."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from pathlib import Path
 
 import msgspec
 
-from pipeline import Display, GlareModel, Observer
+from pipeline import Display, Glare, Observer
 
 
 class SettingsError(Exception):
@@ -18,7 +18,7 @@ class Settings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
     observer: Observer = Observer()
     display: Display = Display()
-    glare: GlareModel = GlareModel.WAVE
+    glare: Glare = Glare()
 
 
 def load(path: Path | None) -> Settings:
@@ -31,6 +31,6 @@ def load(path: Path | None) -> Settings:
         raise SettingsError(f"settings file {path}: {error.strerror}; give the path of a TOML file") from None
     except (msgspec.DecodeError, UnicodeDecodeError) as error:
         known = "; ".join(
-            f"[{table.__name__.lower()}] {', '.join(table.__struct_fields__)}" for table in (Observer, Display)
+            f"[{table.__name__.lower()}] {', '.join(table.__struct_fields__)}" for table in (Observer, Display, Glare)
         )
-        raise SettingsError(f"settings file {path}: {error}. It may hold glare and {known}") from None
+        raise SettingsError(f"settings file {path}: {error}. It may hold {known}") from None

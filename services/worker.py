@@ -121,7 +121,7 @@ def _perceive(
         display=perception.display,
         state=memory,
         dt_s=dt_s,
-        glare_model=perception.glare,
+        glare=perception.glare,
     )
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -39,8 +41,16 @@ def aces(rgb: Float[Array, "eye 3 y x"], exposure: Float[Array, "eye"], peak_cd_
     `exposure` in 1/(cd/m²) brings each eye's frame to where 1 is the reference white of 100 cd/m².
     """
     scale = (exposure * display_scale(peak_cd_m2)).astype(jnp.float32)
-    # Beyond 1e4 the curve is flat and its square would overflow for a sun.
-    return _aces(jnp.minimum(rgb * scale[:, None, None, None], np.float32(1e4)))
+    # Spectral colours of glare lie outside the display's, below 0. Beyond 1e4 the curve is flat and its square would
+    # overflow for a sun.
+    return _aces(jnp.clip(rgb * scale[:, None, None, None], 0, np.float32(1e4)))
+
+
+def ceiling_cd_m2(exposure: float, peak_cd_m2: float) -> float:
+    """The scene's luminance from which on the display shows its peak."""
+    # Where the curve reaches 1: x·(2.51·x + 0.03) = x·(2.43·x + 0.59) + 0.14.
+    full = (0.56 + math.sqrt(0.56**2 + 4 * 0.08 * 0.14)) / (2 * 0.08)
+    return full / (exposure * float(display_scale(peak_cd_m2)))
 
 
 @jax.jit

@@ -12,6 +12,7 @@ from pathlib import Path
 
 import jax.numpy as jnp
 import numpy as np
+from jaxtyping import Array, Float
 
 from pipeline.frame import Cleaned, Frame, FrameError, View
 from pipeline.scenes import image_file
@@ -58,16 +59,18 @@ class Pictures:
         """The picture of time `t_s`. Raises FrameError for a view of another aspect."""
         self._refuse_distortion(view.width_px, view.height_px)
         header = self.headers[int(max(t_s, 0.0) * FPS + 1e-6) % len(self.headers)]
-        rgb, cleaned = _fitted(header.path, view.height_px, view.width_px)
-        image = jnp.asarray(rgb * np.float32(self.cd_m2_per_unit))
-        return Frame(jnp.stack([image] * count_eyes(eyes)), view, cleaned)
+        rgb, cleaned = _shown(header.path, self.cd_m2_per_unit, view.height_px, view.width_px, count_eyes(eyes))
+        return Frame(rgb, view, cleaned)
 
 
 @functools.lru_cache(maxsize=2)
-def _fitted(path: Path, height_px: int, width_px: int) -> tuple[np.ndarray, Cleaned]:
-    """A file's pixels (3, y, x) at a size, in its own unit; the picture on show stays in memory."""
+def _shown(
+    path: Path, cd_m2_per_unit: float, height_px: int, width_px: int, images: int
+) -> tuple[Float[Array, "eye 3 y x"], Cleaned]:
+    """A file's pixels at a size: the same array while the picture is on show, so that nothing is done twice."""
     file = image_file.read(path)
-    return resize(file.rgb, height_px, width_px), file.cleaned
+    image = jnp.asarray(resize(file.rgb, height_px, width_px) * np.float32(cd_m2_per_unit))
+    return jnp.stack([image] * images), file.cleaned
 
 
 def _in_order(path: Path) -> list[str | int]:

@@ -52,6 +52,7 @@ class Panorama:
     notes: tuple[str, ...] = ()
     cleaned: Cleaned = dataclasses.field(default_factory=Cleaned)
     _prepared: dict[int, Texels] = dataclasses.field(default_factory=dict, repr=False)
+    _shown: dict[tuple[View, Head, int], Frame] = dataclasses.field(default_factory=dict, repr=False)
 
     @classmethod
     def from_file(cls, file: HdrFile, cd_m2_per_unit: float, notes: tuple[str, ...]) -> Panorama:
@@ -66,9 +67,13 @@ class Panorama:
 
     def frame(self, t_s: float, view: View, head: Head, eyes: tuple[Eye, ...]) -> Frame:
         """The panorama from a head; it does not change with time."""
-        texels = self._texels_for(view)
-        image = _look(texels, view, jnp.asarray(rotation(head)))
-        return Frame(jnp.stack([image] * count_eyes(eyes)), view, self.cleaned)
+        seen = (view, head, count_eyes(eyes))
+        if seen not in self._shown:
+            image = _look(self._texels_for(view), view, jnp.asarray(rotation(head)))
+            # The last frame alone: a head that rests sees the same array, so that nothing is done twice.
+            self._shown.clear()
+            self._shown[seen] = Frame(jnp.stack([image] * count_eyes(eyes)), view, self.cleaned)
+        return self._shown[seen]
 
     def _texels_for(self, view: View) -> Texels:
         rows = min(self.rgb_cd_m2.shape[1], max(1, round(math.pi * view.focal_px)))

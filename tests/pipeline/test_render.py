@@ -5,9 +5,23 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pipeline import Display, Frame, GlareModel, Looking, Observer, Perceived, RenderState, as_displayed, perceive
-from pipeline.effects import adaptation, glare, tone
+from pipeline import (
+    Display,
+    Frame,
+    Glare,
+    GlareLevel,
+    GlareModel,
+    Looking,
+    Observer,
+    Perceived,
+    RenderState,
+    as_displayed,
+    perceive,
+)
+from pipeline.effects import adaptation, tone
+from pipeline.effects.glare import bounds, mixture, scatter
 from pipeline.measure import luminance, measure
+from pipeline.optics.aperture import Pose
 from pipeline.plan import SKIPPED, Effect
 from pipeline.threshold import threshold_cd_m2
 
@@ -30,7 +44,7 @@ def levels(perceived: Perceived) -> dict[str, str]:
 def test_a_bright_room_skips_acuity_and_night_colour_with_reasons() -> None:
     perceived = perceive(room(120.0, lamp_cd_m2=1e4), observer=OBSERVER)
     assert levels(perceived)[Effect.ACUITY] == levels(perceived)[Effect.NIGHT_COLOUR] == SKIPPED
-    assert levels(perceived)[Effect.GLARE] == GlareModel.WAVE
+    assert levels(perceived)[Effect.GLARE] == "wave window"
     reasons = {step.effect: step.reason for step in perceived.plan}
     assert "cd/m²" in reasons[Effect.ACUITY]
     assert "cones alone" in reasons[Effect.NIGHT_COLOUR]
@@ -45,7 +59,7 @@ def test_a_dark_room_without_lights_skips_glare_and_runs_the_rest() -> None:
 
 
 def test_the_same_dark_room_with_a_lamp_runs_glare() -> None:
-    assert levels(perceive(room(0.005, lamp_cd_m2=100.0), observer=OBSERVER))[Effect.GLARE] == GlareModel.WAVE
+    assert levels(perceive(room(0.005, lamp_cd_m2=100.0), observer=OBSERVER))[Effect.GLARE] == "wave window"
 
 
 def glare_reason(perceived: Perceived) -> str:
@@ -57,7 +71,7 @@ def test_a_bright_wall_skips_glare_with_a_narrow_pupil_alone() -> None:
     wall = Frame.from_rgb(np.full((200, 180, 3), 100.0, np.float32), 50.0)
     narrow, wide = (perceive(wall, Looking(pupil_mm=mm), observer=OBSERVER) for mm in (2.0, 7.0))
     assert levels(narrow)[Effect.GLARE] == SKIPPED
-    assert levels(wide)[Effect.GLARE] == GlareModel.WAVE
+    assert levels(wide)[Effect.GLARE] == "wave window"
 
 
 def test_the_reason_for_glare_counts_the_lights() -> None:
@@ -116,18 +130,14 @@ def test_a_skipped_glare_changes_no_pixel_by_more_than_the_eye_can_see(
     adapted, eye = 10**log_adapted, Looking(*gaze_deg, pupil_mm)
     rgb = field(kind, seed)
     view = Frame.from_rgb(rgb, 20.0).view
-    if model is GlareModel.WAVE:
-        share = glare.wave_bounds(OBSERVER, pupil_mm, view).share
-    else:
-        share = glare.analytic_bounds(view, adapted, OBSERVER.age_years).share
+    kernel = mixture(model, OBSERVER, Pose(pupil_mm), adapted, view.ppd_centre)
+    share = bounds(kernel).share
     threshold = threshold_cd_m2(adapted)
     frame = Frame.from_rgb(rgb * np.float32(10**log_of_limit * threshold / share), 20.0)
-    perceived = perceive(frame, eye, observer=OBSERVER, state=RenderState((adapted,)), glare_model=model)
+    perceived = perceive(frame, eye, observer=OBSERVER, state=RenderState((adapted,)), glare=Glare(model))
     assert (levels(perceived)[Effect.GLARE] == SKIPPED) == (share * measure(frame)[0].max_cd_m2 <= threshold)
-    if model is GlareModel.WAVE:
-        glared = glare.wave_glare(frame.rgb_cd_m2[0], view, OBSERVER, pupil_mm, view.pixel_of(*gaze_deg))
-    else:
-        glared = glare.analytic_glare(frame.rgb_cd_m2[0], view, adapted, OBSERVER.age_years)
+    gaze_px = view.pixel_of(*gaze_deg)
+    glared = scatter(frame.rgb_cd_m2[0], frame, Glare(model), kernel, gaze_px, None, OBSERVER, Pose(pupil_mm))
     change = np.abs(np.asarray(luminance(glared) - luminance(frame.rgb_cd_m2[0]))).max()
     assert change <= 10**log_of_limit * threshold * (1 + 1e-5)
     if levels(perceived)[Effect.GLARE] == SKIPPED:
@@ -216,6 +226,7 @@ def test_a_brighter_display_has_more_room_above_middle_grey_and_a_dimmer_one_sho
 
 def test_the_analytic_model_glares_wherever_the_eye_looks() -> None:
     frame = room(0.1, lamp_cd_m2=1e5)
-    perceived = perceive(frame, Looking(20.0, 15.0, 4.0), observer=OBSERVER, glare_model=GlareModel.ANALYTIC)
-    assert levels(perceived)[Effect.GLARE] == GlareModel.ANALYTIC
+    glare = Glare(GlareModel.SPE, GlareLevel.FRAME)
+    perceived = perceive(frame, Looking(20.0, 15.0, 4.0), observer=OBSERVER, glare=glare)
+    assert levels(perceived)[Effect.GLARE] == "spe frame"
     assert perceived.image[0, 100, 60].min() > 0

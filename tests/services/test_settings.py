@@ -2,7 +2,7 @@ from pathlib import Path
 
 import pytest
 
-from pipeline import GlareModel
+from pipeline import Glare, GlareLevel, GlareModel
 from services.settings import Settings, SettingsError, load
 
 
@@ -17,8 +17,25 @@ def test_no_file_is_the_defaults() -> None:
 
 
 def test_a_file_sets_what_it_names(tmp_path: Path) -> None:
-    settings = load(written(tmp_path, 'glare = "analytic"\n[observer]\nage_years = 61\n[display]\npeak_cd_m2 = 400\n'))
-    assert settings.glare is GlareModel.ANALYTIC
+    settings = load(
+        written(
+            tmp_path,
+            """
+        [glare]
+        model = "spe"
+        level = "frame"
+        [observer]
+        age_years = 61
+        [observer.living]
+        vitreous = true
+        [display]
+        peak_cd_m2 = 400
+    """,
+        )
+    )
+    assert settings.glare == Glare(GlareModel.SPE, GlareLevel.FRAME)
+    assert settings.observer.living.vitreous
+    assert not settings.observer.living.lids
     assert settings.observer.age_years == 61
     assert settings.observer.particles == Settings().observer.particles
     assert settings.display.peak_cd_m2 == 400
@@ -30,7 +47,8 @@ def test_a_file_sets_what_it_names(tmp_path: Path) -> None:
         ("[observer]\nagee_years = 3\n", "agee_years"),
         ("[observer]\nage_years = -3\n", r"observer\.age_years"),
         ("[observer]\nparticles = 1.5\n", r"observer\.particles"),
-        ("glare = 'bloom'\n", "bloom"),
+        ("[glare]\nmodel = 'bloom'\n", "bloom"),
+        ("[observer.living]\nlegs = true\n", r"legs.*observer\.living"),
         ("[screen]\n", "screen"),
         ("[observer\n", "observer.toml"),
         ("\x00", "observer.toml"),
@@ -39,7 +57,7 @@ def test_a_file_sets_what_it_names(tmp_path: Path) -> None:
 def test_a_bad_file_is_named_with_its_key_and_what_it_may_hold(tmp_path: Path, text: str, named: str) -> None:
     with pytest.raises(SettingsError, match=named) as error:
         load(written(tmp_path, text))
-    assert "It may hold glare and [observer] age_years" in str(error.value)
+    assert "It may hold [observer] age_years" in str(error.value)
 
 
 def test_a_missing_file_is_named() -> None:

@@ -1,0 +1,117 @@
+"""The eye's point-spread function as it is applied: a kernel over display pixels and a veil beyond it.
+
+A kernel is a sum of prepared components with weights: of two pupils on either side of the one that is seen with, or of
+the terms of a formula whose weights follow adaptation. So neither a pupil in motion nor an eye that adapts needs a new
+kernel for each frame.
+
+Of a component's central pixel, what stands above its neighbours is light that stays where it belongs: it multiplies the
+frame and is kept out of every convolution, whose rounding would spread a part of every light.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+from collections.abc import Callable
+
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+from numpy.typing import NDArray
+
+from pipeline.frame import LUMINANCE_WEIGHTS
+from pipeline.optics import whole
+
+
+@dataclasses.dataclass(frozen=True)
+class Scattering:
+    """Bounds of a kernel: all that planning needs to know of it."""
+
+    share: float
+    """No pixel's luminance changes by more than this share of the frame's largest.
+
+    A pixel loses what it scatters itself and gets what the others scatter to it. Both are positive, so the change is no
+    more than the larger of the two, whatever the frame, the light beyond its edges and the window's falloff.
+    """
+    stays: float
+    """Least share of a point's luminance that stays in its pixel."""
+
+
+Formula = Callable[..., NDArray[np.float64]]
+"""One of analytic.py's densities: of the angle in degrees and its parameters."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Veil:
+    """Light that an analytic function scatters further than a kernel reaches; it has the colour of its source."""
+
+    function: Formula
+    parameters: tuple[float, ...] = ()
+
+    def density(self, deg: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Per steradian, at an angle."""
+        return self.function(deg, *self.parameters) * whole.veil_part(deg)
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Component:
+    """One prepared part of a kernel; from each channel `i` to each channel `o`, or 1×1 where all channels are alike."""
+
+    stays: Float[Array, "o i"]
+    """Light that stays in its pixel."""
+    scatters: Float[Array, "o i j k"]
+    """Light that the pixels around get. A spectral colour lies outside Rec.709, so a channel may lose by another's
+    light; the luminance of each pixel is positive."""
+    veil: Veil | None
+    veil_share: float
+    """Light that the veil takes. The sum of all three over pixels is the identity."""
+
+    @functools.cached_property
+    def bounds(self) -> Scattering:
+        """How much light this component can move."""
+        scatters = np.asarray(self.scatters, np.float64)
+        stays = np.asarray(self.stays, np.float64)
+        if len(stays) > 1:
+            # The luminance that each channel's light makes, as a share of its own.
+            to_luminance = np.array(LUMINANCE_WEIGHTS)
+            scatters = np.einsum("o,oijk->ijk", to_luminance, scatters) / to_luminance[:, None, None]
+            stays = to_luminance @ stays / to_luminance
+        else:
+            scatters, stays = scatters[0], stays[0]
+        middle = scatters[:, scatters.shape[1] // 2, scatters.shape[2] // 2]
+        least = float((stays + middle).min())
+        # A pixel gets at most the brightest luminance from all others, each time in the colour that scatters most.
+        gets = float(scatters.max(axis=0).sum() - middle.max()) + self.veil_share
+        return Scattering(max(1 - least, gets), least)
+
+
+Mixture = tuple[tuple[Component, float], ...]
+"""A kernel: components and their weights, which add up to 1."""
+
+
+def bounds(mixture: Mixture) -> Scattering:
+    """How much light a kernel can move."""
+    return Scattering(
+        sum(weight * component.bounds.share for component, weight in mixture),
+        sum(weight * component.bounds.stays for component, weight in mixture),
+    )
+
+
+def component(kernel: NDArray[np.float64], veil: Veil | None, veil_share: float) -> Component:
+    """A component from the light in each pixel, (o, i, k, k) with odd k, or (k, k) where all channels are alike.
+
+    What the kernel's sum lacks of 1, or has above it on a flat plane, is put right in its central pixel.
+    """
+    full = kernel if kernel.ndim == 4 else kernel[None, None]
+    o = full.shape[0]
+    y, x = full.shape[2] // 2, full.shape[3] // 2
+    to_luminance = np.array(LUMINANCE_WEIGHTS if o == 3 else (1.0,))
+    luminance = np.einsum("o,oijk->ijk", to_luminance, full)
+    around = luminance[:, max(y - 1, 0) : y + 2, max(x - 1, 0) : x + 2].reshape(len(luminance), -1).copy()
+    around[:, around.shape[1] // 2] = 0
+    with np.errstate(divide="ignore", invalid="ignore"):
+        spread = np.where(luminance[:, y, x] > 0, around.max(axis=1) / luminance[:, y, x], 0)
+    scatters = full.copy()
+    scatters[:, :, y, x] *= np.minimum(spread, 1)
+    stays = np.eye(o) * (1 - veil_share) - scatters.sum(axis=(2, 3))
+    return Component(jnp.asarray(stays, jnp.float32), jnp.asarray(scatters, jnp.float32), veil, veil_share)

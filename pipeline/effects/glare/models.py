@@ -1,0 +1,185 @@
+"""Which point-spread function glare uses, as a mixture of prepared components."""
+
+from __future__ import annotations
+
+import enum
+import functools
+
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Complex, Float
+from numpy.typing import NDArray
+
+from pipeline.effects.glare.kernel import Component, Formula, Mixture, Veil, component
+from pipeline.observer import Observer
+from pipeline.optics import analytic, diffraction, light_spectra, radial, whole
+from pipeline.optics.aperture import PUPIL_RANGE_MM, Pose, planes, pupil_plane
+
+GRID = 2048
+"""Samples along the pupil plane: the least power of two that resolves the lens fibres."""
+PUPIL_STEP_MM = 0.25
+"""Kernels are computed at these diameters and blended in between: a pupil in motion costs no FFT of its plane."""
+
+
+class GlareModel(enum.StrEnum):
+    """Which point-spread function."""
+
+    WAVE = "wave"
+    """Wave optics of this observer's pupil plane, CIE 135 beyond its field."""
+    SPE = "spe"
+    """Spencer 1995: age and adaptation."""
+    CIE = "cie"
+    """CIE 135 (Vos 2003): age and pigmentation."""
+    IJSPEERT = "ijspeert"
+    """IJspeert 1993: age, pigmentation and the live pupil."""
+
+
+def mixture(model: GlareModel, observer: Observer, pose: Pose, adapted_cd_m2: float, pixels_per_deg: float) -> Mixture:
+    """The kernel of an observer's eye as it stands, in a view of so many pixels per degree in its middle."""
+    match model:
+        case GlareModel.WAVE if not pose.at_rest:
+            return ((wave_component(observer, pose, pixels_per_deg), 1.0),)
+        case GlareModel.WAVE:
+            low, high, share = pupil_steps(pose.pupil_mm)
+            steps = [_resting(observer, step, pixels_per_deg) for step in (low, high)]
+        case GlareModel.IJSPEERT:
+            low, high, share = pupil_steps(pose.pupil_mm)
+            straylight = analytic.STRAYLIGHT[observer.iris]
+            steps = [
+                formula_component(
+                    analytic.ijspeert, (step * PUPIL_STEP_MM, observer.age_years, straylight), pixels_per_deg
+                )
+                for step in (low, high)
+            ]
+        case GlareModel.CIE:
+            pigmentation = analytic.PIGMENTATION[observer.iris]
+            return ((formula_component(analytic.cie135, (observer.age_years, pigmentation), pixels_per_deg), 1.0),)
+        case GlareModel.SPE:
+            weights = analytic.spe_weights(adapted_cd_m2, observer.age_years)
+            return tuple(
+                (part, float(weight))
+                for part, weight in zip(_spe_components(pixels_per_deg), weights, strict=True)
+                if weight > 0
+            )
+    return ((steps[0], 1 - share), (steps[1], share)) if share > 0 else ((steps[0], 1.0),)
+
+
+def pupil_steps(pupil_mm: float) -> tuple[int, int, float]:
+    """The two computed pupils around a diameter, as multiples of PUPIL_STEP_MM, and the share of the second.
+
+    Diameters outside 2–8 mm count as the nearest of these.
+    """
+    low, high = PUPIL_RANGE_MM
+    position = min(max(pupil_mm, low), high) / PUPIL_STEP_MM
+    step = min(int(position), round(high / PUPIL_STEP_MM) - 1)
+    return step, step + 1, position - step
+
+
+def wave_component(
+    observer: Observer,
+    pose: Pose,
+    pixels_per_deg: float,
+    *,
+    grid: int = GRID,
+    wavelengths: int = light_spectra.WAVELENGTHS,
+    multi_plane: bool = False,
+    double: bool = False,
+) -> Component:
+    """The kernel of an observer's eye by wave optics, from the spectra of the frame's primaries.
+
+    One FFT at 575 nm of a `grid` × `grid` pupil plane, in float64 if `double`, serves all `wavelengths`.
+    """
+    psf = monochromatic(observer, pose, grid, multi_plane=multi_plane, double=double)
+    nm, weights = light_spectra.primary_weights(wavelengths)
+    return component(*_whole(psf, nm, weights, observer, pixels_per_deg))
+
+
+def monochromatic(
+    observer: Observer, pose: Pose, grid: int = GRID, *, multi_plane: bool = False, double: bool = False
+) -> Float[Array, "n n"]:
+    """The function of an observer's pupil plane at 575 nm, `grid` × `grid` samples of diffraction.bin_deg."""
+    return diffraction.point_spread(
+        _field(observer, pose, grid, diffraction.WAVELENGTH_NM, multi_plane=multi_plane, double=double)
+    )
+
+
+def reference_kernel(observer: Observer, pose: Pose, pixels_per_deg: float) -> tuple[NDArray[np.float64], Veil, float]:
+    """The same kernel with an FFT in float64 for each wavelength, its veil and the veil's share: tens of seconds."""
+    nm, weights = light_spectra.primary_weights()
+
+    def field(wavelength_nm: float) -> Complex[Array, "n n"]:
+        return _field(observer, pose, GRID, wavelength_nm, multi_plane=False, double=True)
+
+    pigmentation = analytic.PIGMENTATION[observer.iris]
+    kernel, share = whole.fresh_wave_kernel(field, GRID, nm, weights, pixels_per_deg, observer.age_years, pigmentation)
+    return kernel, _veil(observer), share
+
+
+def _field(
+    observer: Observer, pose: Pose, grid: int, wavelength_nm: float, *, multi_plane: bool, double: bool
+) -> Complex[Array, "n n"]:
+    """The light behind the pupil, before it goes on to the retina."""
+    number = jnp.complex128 if double else jnp.complex64
+    if multi_plane:
+        first, vitreous, distance_m = planes(observer, pose, grid)
+        field = diffraction.through_planes(
+            jnp.asarray(first, number), [(jnp.asarray(vitreous, number), distance_m)], wavelength_nm
+        )
+    else:
+        field = jnp.asarray(pupil_plane(observer, pose, grid), number)
+    if pose.defocus_d:
+        diameter_m = min(max(pose.pupil_mm, PUPIL_RANGE_MM[0]), PUPIL_RANGE_MM[1]) * 1e-3
+        field = field * diffraction.defocus(grid, pose.defocus_d, diameter_m, wavelength_nm).astype(number)
+    return field
+
+
+def _veil(observer: Observer) -> Veil:
+    return Veil(analytic.cie135, (observer.age_years, analytic.PIGMENTATION[observer.iris]))
+
+
+def _whole(
+    psf: Float[Array, "n n"],
+    nm: NDArray[np.float64],
+    weights: NDArray[np.float64],
+    observer: Observer,
+    pixels_per_deg: float,
+) -> tuple[NDArray[np.float64], Veil, float]:
+    veil = _veil(observer)
+    kernel, share = whole.wave_kernel(psf, nm, weights, pixels_per_deg, *veil.parameters)
+    return kernel, veil, share
+
+
+@functools.lru_cache(maxsize=8)
+def _resting(observer: Observer, step: int, pixels_per_deg: float) -> Component:
+    return wave_component(observer, Pose(step * PUPIL_STEP_MM, observer.defocus_d), pixels_per_deg)
+
+
+@functools.lru_cache(maxsize=8)
+def formula_component(function: Formula, parameters: tuple[float, ...], pixels_per_deg: float) -> Component:
+    """The kernel and the veil of a formula, alike for all colours."""
+    veil = Veil(function, parameters)
+    radius = whole.kernel_radius_px(pixels_per_deg)
+
+    def near(deg: NDArray[np.float64]) -> NDArray[np.float64]:
+        return function(deg, *parameters) * (1 - whole.veil_part(deg))
+
+    kernel = radial.pixel_integrated(near, pixels_per_deg, radius, radius)
+    return component(kernel, veil, radial.hemisphere_volume(veil.density))
+
+
+@functools.lru_cache(maxsize=4)
+def _spe_components(pixels_per_deg: float) -> tuple[Component, ...]:
+    """SPE's f0 … f3; the halo, which differs by wavelength, from the spectra of the frame's primaries."""
+    radius = whole.kernel_radius_px(pixels_per_deg)
+    nm, weights = light_spectra.primary_weights()
+    halo = np.empty((3, 3, 2 * radius + 1, 2 * radius + 1))
+    for o, i in np.ndindex(3, 3):
+
+        def ring(deg: NDArray[np.float64], of: NDArray[np.float64] = weights[:, o, i]) -> NDArray[np.float64]:
+            return np.asarray(sum(w * analytic.f3(deg, wavelength) for w, wavelength in zip(of, nm, strict=True)))
+
+        halo[o, i] = radial.pixel_integrated(ring, pixels_per_deg, radius, radius)
+    scattering = (
+        formula_component(function, (), pixels_per_deg) for function in (analytic.f0, analytic.f1, analytic.f2)
+    )
+    return (*scattering, component(halo, None, 0.0))
