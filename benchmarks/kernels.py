@@ -1,52 +1,104 @@
-"""Making a glare kernel, beside the same formula in plain NumPy and SciPy."""
+"""Making a glare kernel, beside the same formulas in plain NumPy and SciPy and other ways to sum wavelengths."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import jax
-import jax.numpy as jnp
 import numpy as np
 import scipy.fft
 import scipy.ndimage
 
 from benchmarks.table import interleaved, show
-from pipeline import Observer, View
-from pipeline.optics import aperture, diffraction, spectrum
+from pipeline.frame import View
+from pipeline.observer import Observer
+from pipeline.optics import aperture, diffraction, light_spectra, spectrum
 from services.process import prepare_jax
+
+Sums = Callable[[], np.ndarray]
+
+
+def sampled(psf: np.ndarray, nm: np.ndarray, weights: np.ndarray, ppd: float, radius: int) -> np.ndarray:
+    """The papers' way: each wavelength looked up once in the middle of each pixel, bilinearly."""
+    kernel = np.zeros((*weights.shape[1:], 2 * radius + 1, 2 * radius + 1))
+    for wavelength, of in zip(nm, weights, strict=True):
+        at = np.arange(-radius, radius + 1) / ppd / diffraction.bin_deg(wavelength) + len(psf) // 2
+        rows, columns = np.meshgrid(at, at, indexing="ij")
+        light = scipy.ndimage.map_coordinates(psf, [rows, columns], order=1)
+        kernel += of[..., None, None] * light / (ppd * diffraction.bin_deg(wavelength)) ** 2
+    return kernel
+
+
+def written_out(psf: np.ndarray, nm: np.ndarray, weights: np.ndarray, ppd: float, radius: int) -> np.ndarray:
+    """The exact formula in dense matrices: shares of samples in pixels from the left and the right."""
+    kernel = np.zeros((*weights.shape[1:], 2 * radius + 1, 2 * radius + 1))
+    for wavelength, of in zip(nm, weights, strict=True):
+        sample = ppd * diffraction.bin_deg(wavelength)
+        low = (np.arange(len(psf)) - len(psf) // 2 - 0.5) * sample
+        pixel = (np.arange(2 * radius + 1) - radius - 0.5)[:, None]
+        shares = np.clip(np.minimum(low + sample, pixel + 1) - np.maximum(low, pixel), 0, None) / sample
+        shares = shares.astype(psf.dtype)
+        kernel += of[..., None, None] * (shares @ psf @ shares.T)
+    return kernel
+
+
+def by_table(psf: np.ndarray, nm: np.ndarray, weights: np.ndarray, ppd: float, radius: int) -> np.ndarray:
+    """Exact too: a summed-area table in float64 and four look-ups a corner."""
+    n = len(psf)
+    table = np.zeros((n + 1, n + 1))
+    for row in range(n):
+        np.add(table[row, 1:], psf[row], out=table[row + 1, 1:])
+    np.cumsum(table, axis=1, out=table)
+    kernel = np.zeros((*weights.shape[1:], 2 * radius + 1, 2 * radius + 1))
+    for wavelength, of in zip(nm, weights, strict=True):
+        at = (np.arange(2 * radius + 2) - radius - 0.5) / (ppd * diffraction.bin_deg(wavelength)) + n // 2 + 0.5
+        at = np.clip(at, 0, n)
+        low = np.minimum(at.astype(int), n - 1)
+        share = at - low
+        rows = table[low] * (1 - share)[:, None] + table[low + 1] * share[:, None]
+        corners = rows[:, low] * (1 - share) + rows[:, low + 1] * share
+        kernel += of[..., None, None] * np.diff(np.diff(corners, axis=0), axis=1)
+    return kernel
 
 
 def main(rounds: int = 9) -> None:
-    """Prints the table."""
+    """Prints the tables, and how far each way of summing is from the exact sum."""
     prepare_jax()
-    n, pixels_per_deg = 2048, View(1440, 1600, 104.0).ppd_centre
-    structure = aperture.eye_structure(Observer(), n)
-    plane = aperture.pupil_plane(structure, jnp.float32(5e-3), n)
-    psf = diffraction.point_spread(plane)
-    host_plane, host_psf = np.asarray(plane), np.asarray(psf)
-    nm, weights = spectrum.rgb_of_white()
-    radius = spectrum.kernel_radius_px(n, pixels_per_deg)
-    offsets_deg = np.arange(-radius, radius + 1) / pixels_per_deg
+    for n, rgb_only in ((2048, False), (1024, True)):
+        plane = aperture.pupil_plane(Observer(gratings=0 if rgb_only else 200), aperture.Pose(5.0), n)
+        host_plane, psf = np.asarray(plane), np.asarray(diffraction.point_spread(plane))
+        sides = f"{n}×{n}"
 
-    def plain_psf() -> np.ndarray:
-        return np.abs(scipy.fft.fftshift(scipy.fft.fft2(host_plane, workers=2))) ** 2
+        def plain_psf(of: np.ndarray = host_plane) -> np.ndarray:
+            light = np.abs(scipy.fft.fftshift(scipy.fft.fft2(of, workers=2))) ** 2
+            return np.asarray(light / light.sum())
 
-    def plain_rgb() -> np.ndarray:
-        kernel = np.zeros((3, 2 * radius + 1, 2 * radius + 1))
-        for wavelength, rgb in zip(nm, weights, strict=True):
-            at = offsets_deg / diffraction.bin_deg(wavelength) + n // 2
-            rows, columns = np.meshgrid(at, at, indexing="ij")
-            sampled = scipy.ndimage.map_coordinates(host_psf, [rows, columns], order=1)
-            kernel += rgb[:, None, None] * sampled * (diffraction.WAVELENGTH_NM / wavelength) ** 2
-        return kernel
+        diffracted: dict[str, Callable[[], object]] = {
+            f"SciPy: |FFT|² of a {sides} pupil plane": plain_psf,
+            "here": lambda of=plane: jax.block_until_ready(diffraction.point_spread(of)),
+        }
+        show(f"Diffraction, {sides}", interleaved(diffracted, rounds), next(iter(diffracted)))
 
-    parts = {
-        "SciPy: |FFT|² of the pupil plane": plain_psf,
-        "monochromatic point-spread function": lambda: jax.block_until_ready(diffraction.point_spread(plane)),
-        "SciPy: 32 wavelengths, sampled once a pixel": plain_rgb,
-        "RGB kernel, 32 wavelengths, integrated over pixels": lambda: jax.block_until_ready(
-            spectrum.rgb_kernel(psf, pixels_per_deg)
-        ),
-    }
-    show(f"A kernel from a {n}×{n} pupil plane", interleaved(parts, rounds), "SciPy: |FFT|² of the pupil plane")
+        if rgb_only:
+            nm, weights = light_spectra.light_weights("D65")
+            ppd, radius, title = 1 / diffraction.bin_deg(diffraction.WAVELENGTH_NM), n // 2, "its own samples, RGB"
+        else:
+            nm, weights = light_spectra.primary_weights()
+            ppd = View(1440, 1600, 104.0).ppd_centre
+            radius, title = spectrum.kernel_radius_px(n, ppd), f"pixels at {ppd:.2f} per degree, 3×3"
+        task = (psf, nm, weights, ppd, radius)
+        ways: dict[str, Sums] = {
+            "SciPy: the papers' look-ups, one a pixel": lambda task=task: sampled(*task),
+            "NumPy: summed-area table, exact": lambda task=task: by_table(*task),
+            "NumPy: dense matrices, exact": lambda task=task: written_out(*task),
+            "here: sparse matrices, exact": lambda task=task: spectrum.scaled_kernel(
+                task[0], task[1], task[2], task[3], radius_px=task[4]
+            ),
+        }
+        show(f"32 wavelengths over {title}", interleaved(ways, rounds), next(iter(ways)))
+        exact = written_out(psf.astype(np.float64), nm, weights, ppd, radius)
+        for name, way in ways.items():
+            print(f"{name}: {np.linalg.norm(way() - exact) / np.linalg.norm(exact):.1e} of the kernel's L2 norm off")
 
 
 if __name__ == "__main__":

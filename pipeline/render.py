@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import functools
 import math
 import time
 from collections.abc import Callable, Sequence
@@ -15,12 +14,11 @@ import numpy as np
 from jaxtyping import Array, Float, UInt8
 
 from pipeline.effects import acuity, adaptation, night_colour, tone
-from pipeline.effects.glare import Glare, GlareLevel, Mixture, bounds, mixture, scatter
+from pipeline.effects.glare import Glare, Sight, bounds, mixture, scatter
 from pipeline.frame import Display, Frame, FrameError, View
 from pipeline.measure import Measurement, luminance, measure
 from pipeline.observer import Observer
 from pipeline.optics import living
-from pipeline.optics.aperture import Pose
 from pipeline.optics.living import Kick, LivingState
 from pipeline.optics.pupil import watson_yellott_mm
 from pipeline.plan import Effect, Plan, make_plan
@@ -71,7 +69,7 @@ class Glared:
 
     rgb_cd_m2: Float[Array, "eye 3 y x"]
     cause: tuple[object, ...]
-    """Lights, view, gazes, kernels and their weights, level and ceilings."""
+    """Of each eye's glare (Sight.cause)."""
     result: Float[Array, "eye 3 y x"]
 
 
@@ -130,12 +128,22 @@ def perceive(
     exposures = np.array([adaptation.exposure(luminance_cd_m2) for luminance_cd_m2 in adapted])
     rgb, glared = frame.rgb_cd_m2, None
     if Effect.GLARE in runs:
-        ceilings = [tone.ceiling_cd_m2(exposure, display.peak_cd_m2) for exposure in exposures.tolist()]
-        spread = functools.partial(
-            _glare, frame, eyes, observer, poses, kernels, ceilings if glare.above_display else None
-        )
+        sights = [
+            Sight(
+                view=frame.view,
+                measured=measured[k],
+                gaze_px=frame.view.pixel_of(eye.azimuth_deg, eye.elevation_deg),
+                kernel=kernels[k],
+                observer=observer,
+                pose=poses[k],
+                adapted_cd_m2=adapted[k],
+                ceiling_cd_m2=tone.ceiling_cd_m2(exposures[k], display.peak_cd_m2) if glare.above_display else None,
+                lights=frame.lights,
+            )
+            for k, eye in enumerate(eyes)
+        ]
         before = None if state is None else state.glared
-        glared = clock.time(Effect.GLARE, lambda: spread(glare, before))
+        glared = clock.time(Effect.GLARE, lambda: _glare(frame, sights, glare, before))
         rgb = glared.result
     if Effect.ACUITY in runs:
         rgb = clock.time(Effect.ACUITY, lambda: acuity.dark_acuity(rgb))
@@ -193,44 +201,12 @@ def _move(
     )
 
 
-def _glare(
-    frame: Frame,
-    eyes: Sequence[Looking],
-    observer: Observer,
-    poses: Sequence[Pose],
-    kernels: tuple[Mixture, ...],
-    ceilings: Sequence[float] | None,
-    settings: Glare,
-    before: Glared | None,
-) -> Glared:
+def _glare(frame: Frame, sights: Sequence[Sight], settings: Glare, before: Glared | None) -> Glared:
     """The frame with its glare: the one before, where nothing changed."""
-    gazes_px = [frame.view.pixel_of(eye.azimuth_deg, eye.elevation_deg) for eye in eyes]
-    # Of these levels the gaze changes nothing.
-    gazed = tuple(gazes_px) if settings.level is GlareLevel.WINDOW else ()
-    cause = (
-        kernels,
-        gazed,
-        settings,
-        None if ceilings is None else tuple(ceilings),
-        frame.lights,
-        frame.view,
-        observer,
-    )
+    cause = (settings, *(what for sight in sights for what in sight.cause(settings)))
     if before is not None and before.rgb_cd_m2 is frame.rgb_cd_m2 and before.cause == cause:
         return before
-    images = [
-        scatter(
-            frame.rgb_cd_m2[k],
-            frame,
-            settings,
-            kernels[k],
-            gazes_px[k],
-            None if ceilings is None else ceilings[k],
-            observer,
-            poses[k],
-        )
-        for k in range(len(eyes))
-    ]
+    images = [scatter(frame.rgb_cd_m2[k], sight, settings) for k, sight in enumerate(sights)]
     return Glared(frame.rgb_cd_m2, cause, jnp.stack(images))
 
 

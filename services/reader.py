@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import collections
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 
 import zmq
 from zmq.utils.monitor import recv_monitor_message
@@ -11,8 +12,9 @@ from zmq.utils.monitor import recv_monitor_message
 from services.event_feed import EventFeed
 from tracker_bridge import wire
 from tracker_bridge.access import ClientKeys
+from tracker_bridge.chain import PATIENCE_NS
 from tracker_bridge.publisher import KEEPALIVE
-from tracker_bridge.wire import EyeState, StreamEnded, StreamStarted
+from tracker_bridge.wire import Event, EyeState, SaccadeOffset, StreamEnded, StreamStarted
 
 SILENCE_S = 10.0
 """A bridge that is silent for as long is taken for gone: ten heartbeats."""
@@ -21,6 +23,8 @@ TAIL_S = 2.0
 REFUSALS = 3
 """Connections cut off while keys are exchanged, after which the keys are taken to be wrong: one may be a bridge that is
 just ending."""
+MAX_SACCADES = 10_000
+"""Kept until they are asked for: of an hour, at three a second."""
 _REFUSED = zmq.EVENT_HANDSHAKE_FAILED_AUTH | zmq.EVENT_HANDSHAKE_FAILED_PROTOCOL
 _CUT_OFF = zmq.EVENT_HANDSHAKE_FAILED_NO_DETAIL
 
@@ -83,7 +87,9 @@ class StateReader:
         self._position = 0
         """How far the stream is read: the number of the next state."""
         self._streams = 0
-        self._pending: EyeState | None = None
+        self._ahead: collections.deque[EyeState] = collections.deque()
+        """States that are read and were not asked for yet."""
+        self._saccades: collections.deque[SaccadeOffset] = collections.deque(maxlen=MAX_SACCADES)
         self._heard_s = time.monotonic()
 
     def subscribe(self) -> None:
@@ -134,15 +140,22 @@ class StateReader:
 
         Waits until a younger one has come, or the stream has ended and all of it is read.
         """
+        self._read_ahead(t_ns, stopped)
         newest: EyeState | None = None
+        while self._ahead and self._ahead[0].t_ns <= t_ns:
+            newest = self._ahead.popleft()
+        return newest
+
+    def _read_ahead(self, t_ns: int, stopped: Callable[[], bool]) -> None:
+        """Reads states until one younger than `t_ns` has come, or the stream has ended and all of it is read."""
         idle_since = time.monotonic()
-        while not stopped():
-            if self._pending is not None:
-                if self._pending.t_ns > t_ns:
-                    break
-                newest, self._pending = self._pending, None
+        while not stopped() and not (self._ahead and self._ahead[-1].t_ns > t_ns):
+            if self.ended is not None and self._position >= self.ended.state_count:
+                break
             if self._states.poll(50):
-                self._pending = self._take()
+                state = self._take()
+                if state is not None:
+                    self._ahead.append(state)
                 idle_since = time.monotonic()
                 continue
             self._read_events()
@@ -150,15 +163,37 @@ class StateReader:
                 raise BridgeRestartedError(
                     f"the bridge at {self._addresses} was started anew in mid-stream: start this reader anew too"
                 )
-            if self.ended is not None and (
-                self._position >= self.ended.state_count or time.monotonic() - idle_since > TAIL_S
-            ):
+            if self.ended is not None and time.monotonic() - idle_since > TAIL_S:
                 self.skipped += max(self.ended.state_count - self._position, 0)
                 self._position = max(self._position, self.ended.state_count)
                 break
             if self.silent_s > SILENCE_S and time.monotonic() - idle_since > SILENCE_S:
                 raise BridgeSilentError(f"nothing from {self._addresses} for {SILENCE_S:g} s, in mid-stream")
-        return newest
+
+    def saccades_until(self, t_ns: int, stopped: Callable[[], bool]) -> tuple[SaccadeOffset, ...]:
+        """The saccades told no later than `t_ns`, each once, of a stream read losslessly: always the same ones.
+
+        An event may be told by PATIENCE_NS late; so the states are read ahead by as much, and then the bridge is asked
+        for all events that it published before the last of them. Raises BridgeSilentError if it does not answer.
+        """
+        self._read_ahead(t_ns + PATIENCE_NS, stopped)
+        if self.ended is None:
+            events = self.events.read_published(stopped)
+            if events is None:
+                raise BridgeSilentError(
+                    f"the bridge at {self._addresses} does not answer who asks for its events: see that it runs and "
+                    "that its replay port is open to this machine, or switch living.vitreous off, which needs them"
+                )
+            self._note(events)
+        told = tuple(saccade for saccade in self._saccades if saccade.t_ns <= t_ns)
+        self._saccades = collections.deque((s for s in self._saccades if s.t_ns > t_ns), MAX_SACCADES)
+        return told
+
+    def saccades_heard(self) -> tuple[SaccadeOffset, ...]:
+        """The saccades that have come since the last call, late ones too. Does not wait."""
+        heard = tuple(self._saccades)
+        self._saccades.clear()
+        return heard
 
     def newest(self) -> EyeState | None:
         """The newest state that has come since the last call, if any. Does not wait."""
@@ -183,12 +218,17 @@ class StateReader:
         return state
 
     def _read_events(self, wait_ms: int = 0) -> None:
-        for event in self.events.read(wait_ms):
+        self._note(self.events.read(wait_ms))
+
+    def _note(self, events: Iterable[Event]) -> None:
+        for event in events:
             if isinstance(event, StreamStarted):
                 self.started, self.ended = event, None
                 self._streams += 1
             elif isinstance(event, StreamEnded):
                 self.ended = event
+            elif isinstance(event, SaccadeOffset):
+                self._saccades.append(event)
 
     def close(self) -> None:
         """Closes all sockets."""

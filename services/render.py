@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import dataclasses
 from pathlib import Path
 
 from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from pipeline import FrameError, Looking, Perceived, RenderState, perceive
+from pipeline import FrameError, Light, Looking, Perceived, RenderState, perceive
 from pipeline.scenes import Head, open_scene
 from pipeline.sinks.images import write_png
 from services.settings import Settings
@@ -24,6 +25,7 @@ def run(
     fov_deg: float,
     mean_luminance_cd_m2: float | None,
     size_px: tuple[int | None, int | None],
+    lights: tuple[Light, ...],
     console: Console,
 ) -> None:
     """Perceives the image, writes the PNG and prints the plan. Raises FrameError."""
@@ -35,6 +37,7 @@ def run(
     for note in scene.notes:
         console.print(f"• {escape(note)}")
     frame = scene.frame(0.0, scene.view_for(*size_px, fov_deg), Head(), (Eye.LEFT,))
+    frame = dataclasses.replace(frame, lights=lights)
     perceived = perceive(
         frame,
         looking,

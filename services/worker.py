@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import dataclasses
 import time
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 
 import numpy as np
 import structlog
 
 from pipeline import Frame, Looking, Perceived, RenderState, View, perceive
+from pipeline.optics.living import Kick
 from pipeline.scenes import Head, Scene
 from pipeline.scenes.head_path import HeadPath
 from services.options import Save
@@ -18,13 +19,17 @@ from services.process import Stop
 from services.reader import StateReader
 from services.results import Heard, Rendered, Results, WorkerSummary
 from services.settings import Settings
-from tracker_bridge.wire import NS_PER_S, Direction, Eye, EyeState
+from tracker_bridge.wire import NS_PER_S, Direction, Eye, EyeState, SaccadeOffset
 
 FRESH_NS = 100_000_000
 """An eye's own direction of gaze older than this gives way to that of both eyes."""
 GONE_S = 3.0
 """After so long without a state or a heartbeat a bridge says nothing about the eyes any more. Engineering choice: three
 heartbeats."""
+KICK_LASTS_NS = 2_000_000_000
+"""A saccade that was over before moves the vitreous no more: a hundredth of its lag is left."""
+FARTHEST_DEG = 90.0
+"""No eye turns farther in its socket: a longer saccade is a glitch of the tracker, and kicks nothing."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -50,6 +55,8 @@ class _Moment:
     state: EyeState | None
     dropped: int
     """Frames left out so far."""
+    kicks: tuple[Kick, ...] = ()
+    """The eyes' turns that were told since the frame before."""
 
 
 def run(
@@ -78,7 +85,8 @@ def run(
     with Results(
         settings.out, settings.view, settings.fps, settings.eyes, settings.save, frames, perception.display
     ) as results:
-        for moment in moments(reader, settings.fps, start_ns, frames, stop):
+        kicked = perception.observer.living.vitreous
+        for moment in moments(reader, settings.fps, start_ns, frames, stop, kicked):
             dt_s, last_t_s = moment.t_s - last_t_s, moment.t_s
             gaze = None if moment.state is None else moment.state.gaze
             direction = None if gaze is None else (gaze.azimuth_deg, gaze.elevation_deg)
@@ -87,7 +95,7 @@ def run(
             frame = scene.frame(moment.t_s, settings.view, head, settings.eyes)
             frame.rgb_cd_m2.block_until_ready()
             scene_ms = (time.perf_counter() - begun) * 1e3
-            looking = tuple(looking_of(moment.state, eye) for eye in settings.eyes)
+            looking = tuple(looking_of(moment.state, eye, moment.kicks) for eye in settings.eyes)
             perceived = _perceive(frame, looking, perception, memory, dt_s)
             memory = perceived.state
             results.add(Rendered(moment.frame, moment.t_s, moment.state, looking, frame, perceived, scene_ms))
@@ -100,15 +108,29 @@ def run(
     return results.summary(heard, warm_up_s)
 
 
-def looking_of(state: EyeState | None, eye: Eye) -> Looking:
-    """How one eye looks, by the bridge's word: its own gaze while that is fresh, its last trusted pupil."""
+def looking_of(state: EyeState | None, eye: Eye, kicks: tuple[Kick, ...] = ()) -> Looking:
+    """How one eye looks, by the bridge's word: its own gaze while that is fresh, its last trusted pupil, its lids.
+
+    Both eyes make their saccades together, so `kicks` are the same for both. Lids of which nothing is known are open.
+    """
     if state is None:
         return Looking()
     one = state.of(eye)
     gaze = one.gaze
     if gaze is None or state.t_ns - gaze.t_ns > FRESH_NS:
         gaze = state.gaze or gaze or Direction(0.0, 0.0, state.t_ns)
-    return Looking(gaze.azimuth_deg, gaze.elevation_deg, one.diameter_mm)
+    openness = 1.0 if one.openness is None else one.openness
+    return Looking(gaze.azimuth_deg, gaze.elevation_deg, one.diameter_mm, openness, kicks)
+
+
+def kicks_of(saccades: Iterable[SaccadeOffset], t_ns: int) -> tuple[Kick, ...]:
+    """How the eyes turned, for a frame at `t_ns` of the bridge's clock."""
+    return tuple(
+        Kick(saccade.azimuth_deg, saccade.elevation_deg, max(t_ns - saccade.offset_ns, 0) / NS_PER_S)
+        for saccade in saccades
+        if t_ns - saccade.offset_ns <= KICK_LASTS_NS
+        and max(abs(saccade.azimuth_deg), abs(saccade.elevation_deg)) <= FARTHEST_DEG
+    )
 
 
 def _perceive(
@@ -140,21 +162,25 @@ def _warm_up(scene: Scene, settings: WorkerSettings, perception: Settings) -> fl
 
 
 def _recorded_moments(
-    reader: StateReader, fps: float, start_ns: int, frames: int | None, stop: Stop
+    reader: StateReader, fps: float, start_ns: int, frames: int | None, stop: Stop, kicked: bool
 ) -> Iterator[_Moment]:
-    """Every frame of the recording, each with the newest state at its own recorded time."""
+    """Every frame of the recording, each with the newest state at its own recorded time, and the saccades till then."""
     state, frame = None, 0
     while not stop() and (frames is None or frame < frames):
         t_s = frame / fps
-        state = reader.until(start_ns + round(t_s * NS_PER_S), stop) or state
+        t_ns = start_ns + round(t_s * NS_PER_S)
+        saccades = reader.saccades_until(t_ns, stop) if kicked else ()
+        state = reader.until(t_ns, stop) or state
         if stop() or (frames is None and reader.ended is not None and start_ns + t_s * NS_PER_S > reader.ended.t_ns):
             return
-        yield _Moment(frame, t_s, state, 0)
+        yield _Moment(frame, t_s, state, 0, kicks_of(saccades, t_ns))
         frame += 1
 
 
-def _live_moments(reader: StateReader, fps: float, start_ns: int, frames: int | None, stop: Stop) -> Iterator[_Moment]:
-    """Frames by the clock, each with the newest state there is; those whose time has passed are dropped."""
+def _live_moments(
+    reader: StateReader, fps: float, start_ns: int, frames: int | None, stop: Stop, kicked: bool
+) -> Iterator[_Moment]:
+    """Frames by the clock, each with the newest state and saccades; those whose time has passed are dropped."""
     state, frame, dropped = None, 0, 0
     begun = time.monotonic()
     while not stop() and (frames is None or frame < frames) and reader.ended is None:
@@ -162,6 +188,8 @@ def _live_moments(reader: StateReader, fps: float, start_ns: int, frames: int | 
         if wait_s > 0:
             time.sleep(wait_s)
         state = reader.newest() or (None if reader.silent_s > GONE_S else state)
-        yield _Moment(frame, frame / fps, state, dropped)
+        heard = reader.saccades_heard()
+        kicks = kicks_of(heard, state.t_ns) if kicked and state is not None else ()
+        yield _Moment(frame, frame / fps, state, dropped, kicks)
         due = max(int((time.monotonic() - begun) * fps), frame + 1)
         dropped, frame = dropped + due - frame - 1, due

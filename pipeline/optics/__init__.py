@@ -1,10 +1,18 @@
 """Light inside the eye, in metres and degrees.
 
-pupil.py        how wide a pupil is at a luminance and an age
-aperture.py     the pupil plane: disc, particles, lens fibre gratings
-diffraction.py  the pupil plane's monochromatic point-spread function
-spectrum.py     that function at all wavelengths, in RGB, over display pixels
-analytic.py     measured point-spread functions as closed formulas
+pupil.py          how wide a pupil is at a luminance and an age
+aperture.py       the pupil plane: how all that shades it stands at one moment
+  cornea.py lens.py vitreous.py lids.py   what shades it, each with its own statistics
+  coverage.py     how much of a grid's cells a shape covers, exactly
+living.py         what moves from frame to frame
+  microfluctuations.py lens_springs.py vitreous_motion.py value_noise.py damped.py
+diffraction.py    the pupil plane's monochromatic point-spread function
+light_spectra.py  what each wavelength contributes to the frame's channels
+spectrum.py       the monochromatic function at all wavelengths, over display pixels
+analytic.py       measured point-spread functions as closed formulas, and their transfer functions
+radial.py         a radial density's light: over pixels, within an angle, over the hemisphere
+flare_lines.py    the radial lines that such a formula lacks
+whole.py          the whole function of one eye, from its peak to 90°
 """
 
 from __future__ import annotations

@@ -1,111 +1,153 @@
 """The pupil plane: what of the light passes where, and how its phase is turned.
 
-The plane is a square of `PLANE_M`, sampled n × n; sample i lies at (i − n/2)·dx, so the origin is a sample.
+The plane is a square of `PLANE_M`, sampled n × n; sample i lies at (i − n//2)·dx, so the origin is a sample. Columns
+run to the right and rows downward, as their owner sees out of the eye. Each structure is a file of its own with its own
+statistics and random stream: switching one off leaves the others as they are. Overlaps multiply transmittances.
 """
 
 from __future__ import annotations
 
 import functools
+import math
+from dataclasses import dataclass
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Complex, Float
-from scipy.special import j0, j1
 
 from pipeline.observer import Observer
-from pipeline.optics import OpticsError
+from pipeline.optics import OpticsError, cornea, coverage, lens, lids, vitreous
 
-PLANE_M = 9e-3
+PLANE_M = coverage.PLANE_M
 """Side of the pupil plane: the widest pupil."""
 PUPIL_RANGE_MM = (2.0, 8.0)
 """What a pupil is clamped to (LUI §5.2.1 ii)."""
-FIBRE_PITCH_M = 10.85e-6
-"""Spacing of the lens fibres: puts the lenticular halo at sin θ = λ/e, 3.00° at 568 nm (equations: SPE f3)."""
-FIBRE_INNER_M = 1.5e-3
-"""Nearer to the axis the fibre membranes have no contrast: no halo for pupils under 3 mm (RIT §3.2)."""
-FIBRE_PHASE_RAD = 0.29
-"""Phase amplitude of the fibres. Engineering choice: at a 7 mm pupil the first orders of the average eye then carry the
-3.3 % of the light that SPE's scotopic f3 gives the halo. A patch has 2·(J1/J0)² = 4.3 % of its light in them, J1/J0 =
-0.147; the patches, overlaps included, cover on average 0.97 of the annulus, which is 82 % of the pupil. By chance of
-where the patches lie, twenty eyes measured 3.0–3.8 %."""
-PATCH_M = 0.3e-3
-"""Radius of one patch of parallel fibres. Engineering choice: 200 patches then cover the annulus about once, and each
-spreads its spot by λ/0.6 mm = 0.05°, as far as two neighbouring spots lie apart, so that they close to a ring."""
+BLOCKED_LIMIT = 0.5
+"""Share of the plane that particles may block. Engineering choice: the average eye has 4 %; beyond a half, a cataract,
+single scattering is no model any more, and some pupil would pass nothing."""
+
+XLA_ALIGNMENT = 64
+"""Bytes to whose multiples XLA wants arrays aligned, if it is to use them where they are."""
 
 
-def pupil_disc(diameter_m: Float[Array, ""] | float, n: int) -> Float[Array, "n n"]:
-    """A clear pupil, 1 inside and 0 outside, its edge antialiased over one sample. JAX, differentiable."""
-    dx = PLANE_M / n
-    x = (jnp.arange(n, dtype=jnp.float32) - n // 2) * np.float32(dx)
-    radius = jnp.hypot(x[:, None], x[None, :])
-    return jnp.clip((diameter_m / 2 - radius) / dx + 0.5, 0, 1).astype(jnp.float32)
+@dataclass(frozen=True)
+class Pose:
+    """How everything in the eye stands at one moment."""
+
+    pupil_mm: float
+    """Diameter of the pupil; clamped to `PUPIL_RANGE_MM`."""
+    defocus_d: float = 0.0
+    """Error of accommodation in dioptres; not in these planes, but added to them."""
+    openness: float = 1.0
+    """Of the lids, 0 closed … 1 clear of any pupil."""
+    lashes: bool = False
+    """Whether lashes hang before the pupil."""
+    vitreous_deg: tuple[float, float] = (0.0, 0.0)
+    """How far the front of the vitreous is turned against the eye, to the right and up."""
+    lens_m: Float[np.ndarray, "17 17"] | None = None
+    """Radial displacement within the lens in metres: rows depth over its thickness, columns radius from 0 to all."""
+
+    @property
+    def diameter_m(self) -> float:
+        """Diameter of the pupil within `PUPIL_RANGE_MM`, in metres."""
+        low, high = PUPIL_RANGE_MM
+        return min(max(self.pupil_mm, low), high) * 1e-3
+
+    @property
+    def at_rest(self) -> bool:
+        """Whether nothing but the pupil deviates from an eye at rest."""
+        return self.parts_at_rest and self.openness >= 1 and not self.lashes and self.defocus_d == 0
+
+    @property
+    def parts_at_rest(self) -> bool:
+        """Whether lens and vitreous are at rest, whatever lids and focus do."""
+        return self.lens_m is None and self.vitreous_deg == (0.0, 0.0)
 
 
-@functools.lru_cache(maxsize=4)
-def eye_structure(observer: Observer, n: int) -> Complex[Array, "n n"]:
-    """Complex transmittance of everything in this observer's eye but the pupil, 1 where light passes unhindered.
+def pupil_disc(diameter_m: float, n: int) -> Float[Array, "n n"]:
+    """A clear pupil of any diameter: the covered share of each sample, 1 inside and 0 outside, float32."""
+    return jnp.asarray(coverage.disc(diameter_m, n, PLANE_M / n))
 
-    Particles are opaque discs, uniformly over the plane's inscribed disc (LUI §5.2.1 i); gratings are patches of radial
-    fibres outside 1.5 mm that turn the phase (RIT §3.2; transparent membranes, so a phase and no shadow). Of a grating
-    the direct light and the first orders are kept: 1 + 2i·J1(a)/J0(a)·cos. The higher orders lie beyond the field of
-    the grid and would fold back into it as corners of the halo.
-    Raises OpticsError if the grid is too coarse for the fibres.
+
+def pupil_plane(observer: Observer, pose: Pose, n: int = 2048) -> Complex[Array, "n n"]:
+    """Complex transmittance of everything in this observer's eye at this moment, in focus; complex64.
+
+    Parts that do not move are drawn once. The vitreous lies in the same plane as all else (RIT §5).
+    Raises OpticsError if the grid is too coarse for lens fibres or the particles block too much.
     """
-    dx = PLANE_M / n
-    if observer.gratings and dx > FIBRE_PITCH_M / 2:
+    shown = _pupil(observer, pose, n)
+    if pose.parts_at_rest:
+        return _onto_device(_resting(observer, n), shown)
+    lens.shade(shown, PLANE_M / n, observer, pose.lens_m)
+    vitreous.shade(shown, PLANE_M / n, observer, pose.vitreous_deg)
+    return _onto_device(_still(observer, n), shown)
+
+
+def planes(
+    observer: Observer, pose: Pose, n: int = 2048
+) -> tuple[Complex[Array, "n n"], tuple[tuple[Complex[Array, "n n"], float]]]:
+    """The plane of the pupil, and the later ones with their distances behind it in metres, for exact propagation.
+
+    Later ones: one, the vitreous' particles, all at the depth of its centre. In coordinates of the pupil, complex64.
+    Raises OpticsError as `pupil_plane` does.
+    """
+    shown = _pupil(observer, pose, n)
+    lens.shade(shown, PLANE_M / n, observer, pose.lens_m)
+    later = np.ones((n, n), np.float32)
+    vitreous.shade(later, PLANE_M / n, observer, pose.vitreous_deg)
+    return _onto_device(_still(observer, n), shown), ((jnp.asarray(later, jnp.complex64), vitreous.DEPTH_M),)
+
+
+def blocked_share(observer: Observer) -> float:
+    """Share of the plane that all particles block on average, before overlaps."""
+    widening = np.exp(2 * observer.particle_spread**2)
+    particles = (observer.particles + observer.vitreous_particles) * (observer.particle_mm * 1e-3) ** 2 * widening
+    return float((particles + observer.cornea_cells * cornea.CELL_M**2) / PLANE_M**2)
+
+
+def _pupil(observer: Observer, pose: Pose, n: int) -> Float[np.ndarray, "m m"]:
+    """The pupil behind the lids, on the part of the grid around the origin that it reaches."""
+    dx_m = PLANE_M / n
+    shown = coverage.disc(pose.diameter_m, 2 * math.ceil(pose.diameter_m / 2 / dx_m) + 1, dx_m)
+    if pose.openness < 1:
+        lids.shade(shown, dx_m, pose.openness, pose.diameter_m)
+    if pose.lashes:
+        lids.shade_lashes(shown, dx_m, observer, pose.openness, pose.diameter_m)
+    return shown
+
+
+@functools.lru_cache(maxsize=2)
+def _still(observer: Observer, n: int) -> Complex[np.ndarray, "n n"]:
+    """What never moves: cornea and fibres."""
+    if (blocked := blocked_share(observer)) > BLOCKED_LIMIT:
         raise OpticsError(
-            f"a {n}×{n} pupil plane has {dx * 1e6:.2f} µm a sample and lens fibres of "
-            f"{FIBRE_PITCH_M * 1e6:.2f} µm pitch need two samples each: use 2048×2048, or an observer without gratings"
+            f"the particles of this observer block {blocked:.0%} of the pupil plane, which leaves no image: "
+            f"fewer or smaller ones, up to {BLOCKED_LIMIT:.0%} in all"
         )
-    random = np.random.default_rng(observer.seed)
-    blocked = _particles(observer, random, n)
-    orders = 2 * j1(FIBRE_PHASE_RAD) / j0(FIBRE_PHASE_RAD) * _fibres(observer, random, n)
-    return jnp.asarray(((1 - blocked) * (1 + 1j * orders)).astype(np.complex64))
+    clear = np.ones((n, n), np.float32)
+    cornea.shade(clear, PLANE_M / n, observer)
+    return clear * (1 + np.complex64(1j) * lens.fibres(observer, n))
 
 
-def _particles(observer: Observer, random: np.random.Generator, n: int) -> np.ndarray:
-    """Share of each sample that particles cover, in [0, 1]."""
-    dx = PLANE_M / n
-    radius = observer.particle_mm * 1e-3 / 2
-    distance = PLANE_M / 2 * np.sqrt(random.random(observer.particles))
-    azimuth = random.random(observer.particles) * 2 * np.pi
-    covered = np.zeros((n, n), np.float32)
-    half = int(np.ceil(radius / dx)) + 1
-    offsets = np.arange(-half, half + 1)
-    for x, y in zip(distance * np.cos(azimuth), distance * np.sin(azimuth), strict=True):
-        column, row = round(x / dx) + n // 2, round(y / dx) + n // 2
-        rows, columns = row + offsets, column + offsets
-        rows, columns = rows[(rows >= 0) & (rows < n)], columns[(columns >= 0) & (columns < n)]
-        away = np.hypot(((rows - n // 2) * dx - y)[:, None], ((columns - n // 2) * dx - x)[None, :])
-        coverage = np.clip((radius - away) / dx + 0.5, 0, 1)
-        patch = np.ix_(rows, columns)
-        covered[patch] = np.maximum(covered[patch], coverage)
-    return covered
+@functools.lru_cache(maxsize=2)
+def _resting(observer: Observer, n: int) -> Complex[np.ndarray, "n n"]:
+    """Everything in an eye at rest but its pupil."""
+    clear = np.ones((n, n), np.float32)
+    lens.shade(clear, PLANE_M / n, observer)
+    vitreous.shade(clear, PLANE_M / n, observer)
+    return _still(observer, n) * clear
 
 
-def _fibres(observer: Observer, random: np.random.Generator, n: int) -> np.ndarray:
-    """Sum of the patches' cosines at each sample."""
-    dx = PLANE_M / n
-    outer = PLANE_M / 2
-    distance = np.sqrt(FIBRE_INNER_M**2 + (outer**2 - FIBRE_INNER_M**2) * random.random(observer.gratings))
-    azimuth = random.random(observer.gratings) * 2 * np.pi
-    shift = random.random(observer.gratings) * 2 * np.pi
-    cosines = np.zeros((n, n), np.float32)
-    half = int(np.ceil(PATCH_M / dx)) + 1
-    offsets = np.arange(-half, half + 1)
-    for r, angle, start in zip(distance, azimuth, shift, strict=True):
-        x, y = r * np.cos(angle), r * np.sin(angle)
-        rows, columns = round(y / dx) + n // 2 + offsets, round(x / dx) + n // 2 + offsets
-        rows, columns = rows[(rows >= 0) & (rows < n)], columns[(columns >= 0) & (columns < n)]
-        v, u = ((rows - n // 2) * dx)[:, None], ((columns - n // 2) * dx)[None, :]
-        inside = np.clip((PATCH_M - np.hypot(v - y, u - x)) / dx + 0.5, 0, 1) * (np.hypot(v, u) >= FIBRE_INNER_M)
-        along = -np.sin(angle) * u + np.cos(angle) * v
-        cosines[np.ix_(rows, columns)] += inside * np.cos(2 * np.pi * along / FIBRE_PITCH_M + start)
-    return cosines
+def _onto_device(still: Complex[np.ndarray, "n n"], shown: Float[np.ndarray, "m m"]) -> Complex[Array, "n n"]:
+    """The product, 0 where nothing is shown.
 
-
-@functools.partial(jax.jit, static_argnames="n")
-def pupil_plane(structure: Complex[Array, "n n"], diameter_m: Float[Array, ""], n: int) -> Complex[Array, "n n"]:
-    """The complex amplitude behind a pupil of this diameter in this eye."""
-    return structure * pupil_disc(diameter_m, n)
+    Made at an address that XLA takes over as it is: on the processor this is four times faster than a copy.
+    """
+    n, m = len(still), len(shown)
+    memory = np.zeros(n * n + XLA_ALIGNMENT // 8, np.complex64)
+    skipped = -memory.ctypes.data % XLA_ALIGNMENT // 8
+    plane = memory[skipped : skipped + n * n].reshape(n, n)
+    part = slice(n // 2 - m // 2, n // 2 + m // 2 + 1)
+    np.multiply(still[part, part], shown, out=plane[part, part])
+    return jax.device_put(plane)

@@ -1,7 +1,7 @@
 """How much of each sample of the pupil plane a shape covers: exact areas, so that a finer grid is a better one.
 
-A plane of n × n samples has the side `PLANE_M`; sample i lies at (i − n//2)·dx and its cell reaches half a dx to either
-side. Columns run to the right and rows downward, as their owner sees out of the eye; x is right, y is down, in metres.
+In a grid of n × n samples `dx_m` apart, sample i lies at (i − n//2)·dx and its cell reaches half a dx to either side.
+Columns run to the right and rows downward, as their owner sees out of the eye; x is right, y is down, in metres.
 
 An edge drawn hard, or blurred over one sample along its normal, errs by chance from sample to sample. With exact areas
 a plane is the true one seen through a square of one sample: what is left of the error is smooth and falls with dx².
@@ -42,14 +42,14 @@ class Region(NamedTuple):
     share: Float[np.ndarray, "rows columns"]
 
 
-def disc(diameter_m: float, n: int) -> Float[np.ndarray, "n n"]:
+def disc(diameter_m: float, n: int, dx_m: float) -> Float[np.ndarray, "n n"]:
     """Covered share of every cell under a disc around the origin, float32; wider than the plane: cut by its sides."""
-    radius = diameter_m / 2 * n / PLANE_M
+    radius = diameter_m / 2 / dx_m
     offset = np.abs(np.arange(n) - n // 2)
     inner = np.sqrt(np.maximum(radius**2 - (offset + 0.5) ** 2, 0))
     outer = np.sqrt(np.maximum(radius**2 - np.maximum(offset - 0.5, 0) ** 2, 0))
     whole = np.where(offset + 0.5 < radius, np.floor(inner - 0.5), -1)  # cells up to this offset are full
-    covered = (offset[None, :] <= whole[:, None]).astype(np.float32)
+    covered = (offset.astype(np.int16)[None, :] <= whole.astype(np.int16)[:, None]).astype(np.float32)
     # Between `whole` and `outer` the circle itself runs through the row's cells.
     last = np.where(outer > 0, np.ceil(outer + 0.5) - 1, -1)
     count = np.maximum(last - whole, 0).astype(int)
@@ -65,10 +65,14 @@ def disc(diameter_m: float, n: int) -> Float[np.ndarray, "n n"]:
 
 
 def disc_patches(
-    x_m: Float[np.ndarray, " disc"], y_m: Float[np.ndarray, " disc"], radius_m: Float[np.ndarray, " disc"], n: int
+    x_m: Float[np.ndarray, " disc"],
+    y_m: Float[np.ndarray, " disc"],
+    radius_m: Float[np.ndarray, " disc"],
+    n: int,
+    dx_m: float,
 ) -> Iterator[Patches]:
     """Covered shares of the cells around each disc on the grid, many discs of similar size at a time."""
-    x, y, radius = x_m * n / PLANE_M + n // 2, y_m * n / PLANE_M + n // 2, radius_m * n / PLANE_M
+    x, y, radius = x_m / dx_m + n // 2, y_m / dx_m + n // 2, radius_m / dx_m
     seen = (np.abs(x - (n - 1) / 2) < n / 2 + radius) & (np.abs(y - (n - 1) / 2) < n / 2 + radius)
     half = np.maximum(np.ceil(radius), 1).astype(int)
     # Two sizes of patch to an octave: few passes, and no small disc in a patch many times too wide.
@@ -89,13 +93,14 @@ def disc_patches(
 
 def shade_discs(
     transmittance: Float[np.ndarray, "n n"],
+    dx_m: float,
     x_m: Float[np.ndarray, " disc"],
     y_m: Float[np.ndarray, " disc"],
     radius_m: Float[np.ndarray, " disc"],
 ) -> None:
     """Puts opaque discs before a plane, in place. Where discs overlap, their transmittances multiply."""
     n = transmittance.shape[0]
-    for patches in disc_patches(x_m, y_m, radius_m, n):
+    for patches in disc_patches(x_m, y_m, radius_m, n, dx_m):
         index, share, _ = on_grid(patches, n)
         np.multiply.at(transmittance.reshape(-1), index, (1 - share).astype(transmittance.dtype))
 
@@ -111,13 +116,15 @@ def on_grid(
     return index[kept], patches.share[kept], owner[kept]
 
 
-def polygons(x_m: Float[np.ndarray, "polygon corner"], y_m: Float[np.ndarray, "polygon corner"], n: int) -> Region:
+def polygons(
+    x_m: Float[np.ndarray, "polygon corner"], y_m: Float[np.ndarray, "polygon corner"], n: int, dx_m: float
+) -> Region:
     """Covered shares under closed polygons of either sense, overlaps added up to at most 1; 0 around the region.
 
     Every edge is cut where it crosses a cell's side. A piece within one cell has the area to its right in that cell and
     all of its height in the cells beyond, so a running sum along the row, over all pieces, is the exact covered area.
     """
-    x, y = x_m * n / PLANE_M + n // 2 + 0.5, y_m * n / PLANE_M + n // 2 + 0.5
+    x, y = x_m / dx_m + n // 2 + 0.5, y_m / dx_m + n // 2 + 0.5
     near = (y.max(axis=1) > 0) & (y.min(axis=1) < n) & (x.min(axis=1) < n) & (x.max(axis=1) > 0)
     x, y = x[near], y[near]
     x_next, y_next = np.roll(x, -1, axis=1), np.roll(y, -1, axis=1)
@@ -141,9 +148,9 @@ def polygons(x_m: Float[np.ndarray, "polygon corner"], y_m: Float[np.ndarray, "p
     return Region(top, left, share[:, : n - left])
 
 
-def below_parabola(height_m: float, bend_per_m: float, n: int) -> Region:
+def below_parabola(height_m: float, bend_per_m: float, n: int, dx_m: float) -> Region:
     """Covered shares below the curve height + bend·x², both upward, in the rows it crosses; 0 above them, 1 below."""
-    height, bend = height_m * n / PLANE_M, bend_per_m * PLANE_M / n
+    height, bend = height_m / dx_m, bend_per_m * dx_m
     right = np.arange(n + 1) - n // 2 - 0.5
     low, high = sorted((height, height + bend * right[0] ** 2))
     first = min(max(math.floor(n // 2 + 0.5 - high), 0), n)
@@ -154,9 +161,9 @@ def below_parabola(height_m: float, bend_per_m: float, n: int) -> Region:
     bend = bend or -1e-30  # a straight edge is a parabola with its roots far away
     root = np.sqrt(np.maximum(-above / bend, 0))
     between = np.clip(right, -root, root)
-    area = bend * between**3 / 3 + above * between
+    area = (bend / 3 * between * between + above) * between
     if bend > 0:
-        area = bend * right**3 / 3 + above * right - area
+        area = (bend / 3 * right * right + above) * right - area
     return Region(first, 0, np.clip(np.diff(np.diff(area, axis=1), axis=0), 0, 1))
 
 

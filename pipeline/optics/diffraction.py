@@ -1,21 +1,36 @@
-"""Fraunhofer diffraction: the point-spread function of a pupil plane at one wavelength."""
+"""Diffraction at the pupil: the point-spread function of a plane, or of planes one behind another, at one wavelength.
+
+All planes are given in pupil coordinates: a ray that enters the pupil at r meets a later plane at r times the beam's
+width there, and keeps its coordinate. In these coordinates a converging wave travels like a collimated one, only
+further (Sziklai 1981; Talanov 1970), so that every plane has the same samples and the last step is one FFT.
+"""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Complex, Float
 
+from pipeline.optics import OpticsError
 from pipeline.optics.aperture import PLANE_M
 
 WAVELENGTH_NM = 575.0
 """The wavelength that is computed; all others are scaled from it (LUI §5.2.2)."""
+VITREOUS_INDEX = 1.336
+"""Refractive index of the vitreous (Gullstrand 1909)."""
+IMAGE_DISTANCE_M = 20.4e-3
+"""Over which a wave in focus converges: from the pupil, 3.6 mm behind the cornea, to the retina at 24 mm (Gullstrand
+1909). The pupil and its images by cornea and lens, 13 and 3 % wider, are taken as one."""
+PAPERS_DISTANCE_M = 24e-3
+"""Pupil to retina in the papers' Fresnel term (RIT 3, LUI 5.6)."""
 
 
 def bin_deg(wavelength_nm: float) -> float:
-    """Angle between neighbouring samples of the point-spread function: λ/W (W the plane's side)."""
+    """Angle between neighbouring samples of the point-spread function in degrees: λ/W (W the plane's side)."""
     return math.degrees(wavelength_nm * 1e-9 / PLANE_M)
 
 
@@ -23,7 +38,117 @@ def bin_deg(wavelength_nm: float) -> float:
 def point_spread(plane: Complex[Array, "n n"]) -> Float[Array, "n n"]:
     """|FFT|² of the pupil plane, its sum 1, the direction of the light itself at sample n/2 (KRI 3.18, LUI 5.11).
 
-    Each sample is the share of the light that falls within λ/W × λ/W radians around its direction.
+    Each sample is the share of the light that falls within λ/W × λ/W radians around its direction. float32 for a
+    complex64 plane, float64 for a complex128 one. All 0 for a plane through which no light comes.
     """
-    intensity = jnp.abs(jnp.fft.fftshift(jnp.fft.fft2(plane))) ** 2
-    return intensity / jnp.sum(intensity)
+    field = jnp.fft.fft2(plane)
+    # Real and imaginary part apart: the modulus would take a root only to square it again.
+    intensity = field.real**2 + field.imag**2
+    total = jnp.sum(intensity)
+    return jnp.fft.fftshift(intensity) / jnp.where(total > 0, total, 1)
+
+
+def defocus(
+    n: int, defocus_d: float, diameter_m: float, wavelength_nm: float = WAVELENGTH_NM
+) -> Complex[np.ndarray, "n n"]:
+    """The phase of a pupil out of focus by `defocus_d` dioptres: exp(iπ·ΔD·r²/λ), complex64.
+
+    Raises OpticsError where the phase turns by half a cycle or more between samples at the pupil's edge.
+    """
+    dx, wavelength_m = PLANE_M / n, wavelength_nm * 1e-9
+    limit = wavelength_m / (2 * dx * diameter_m / 2)
+    if abs(defocus_d) >= limit:
+        raise OpticsError(
+            f"a {n}×{n} pupil plane samples less than {limit:.2f} D of defocus at a {diameter_m * 1e3:.2f} mm pupil, "
+            f"not {defocus_d:.2f} D: use {_finer(n, abs(defocus_d) / limit)} samples a side or a narrower pupil"
+        )
+    return _quadratic(n, defocus_d / wavelength_m)
+
+
+def lensless_phase(
+    n: int, diameter_m: float, wavelength_nm: float = WAVELENGTH_NM, distance_m: float = PAPERS_DISTANCE_M
+) -> Complex[np.ndarray, "n n"]:
+    """The papers' Fresnel term, exp(iπ·r²/(λ·d)): an eye without its lens (RIT 3, LUI 5.6; erratum E8). complex64.
+
+    It is a defocus of 1/d: 42 D at d = 24 mm. Raises OpticsError where that turns by half a cycle or more between
+    samples at the pupil's edge, which over the whole plane it does at every size that the papers use.
+    """
+    wavelength_m = wavelength_nm * 1e-9
+    cycles = PLANE_M / n * (diameter_m / 2) / (wavelength_m * distance_m)
+    if cycles >= 0.5:
+        raise OpticsError(
+            f"without a lens the phase turns by {cycles:.2f} cycles a sample at the edge of a {diameter_m * 1e3:.2f} "
+            f"mm pupil on a {n}×{n} plane, and 0.5 cannot be told apart from −0.5: use {_finer(n, 2 * cycles)} samples "
+            "a side, a narrower pupil, or defocus in dioptres"
+        )
+    return _quadratic(n, 1 / (wavelength_m * distance_m))
+
+
+def _finer(n: int, factor: float) -> int:
+    """The least even number of samples with more than `factor` times as many."""
+    return 2 * (math.floor(n * factor / 2) + 1)
+
+
+def _quadratic(n: int, cycles_m2: float) -> np.ndarray:
+    """exp(iπ·c·r²): the product of a row and a column. In float64 before rounding, as the phase is many turns."""
+    x = (np.arange(n) - n // 2) * (PLANE_M / n)
+    line = np.exp(1j * np.pi * cycles_m2 * x**2)
+    return (line[:, None] * line[None, :]).astype(np.complex64)
+
+
+def collimated_m(distance_m: float) -> float:
+    """How far a collimated wave travels for the diffraction of one that converges on the retina, from the pupil.
+
+    z·f/(f − z), f the distance to the focus. Raises OpticsError at or behind the focus.
+    """
+    if not 0 <= distance_m < IMAGE_DISTANCE_M:
+        raise OpticsError(
+            f"a plane {distance_m * 1e3:.2f} mm behind the pupil does not lie between it and the focus: use "
+            f"0 to less than {IMAGE_DISTANCE_M * 1e3:.2f} mm"
+        )
+    return distance_m * IMAGE_DISTANCE_M / (IMAGE_DISTANCE_M - distance_m)
+
+
+def through_planes(
+    first: Complex[Array, "n n"],
+    later: Sequence[tuple[Complex[Array, "n n"], float]],
+    wavelength_nm: float = WAVELENGTH_NM,
+) -> Complex[Array, "n n"]:
+    """The pupil plane that has the diffraction pattern of planes one behind another.
+
+    `later` are transmittances in pupil coordinates with their distances behind the pupil in metres of vitreous,
+    nearest first. Between two planes the field travels by Fresnel's transfer function; the field behind the last plane
+    is the result, as its |FFT|² is what reaches the retina. Raises OpticsError for planes out of order, at or behind
+    the focus, or further apart than the grid samples: N·dx² < λz/n.
+    """
+    n = first.shape[0]
+    dx, wavelength_m = PLANE_M / n, wavelength_nm * 1e-9 / VITREOUS_INDEX
+    field, before_m = first, 0.0
+    for mask, distance_m in later:
+        here_m = collimated_m(distance_m)
+        apart_m = here_m - before_m
+        if apart_m < 0:
+            raise OpticsError(
+                f"a plane {distance_m * 1e3:.2f} mm behind the pupil comes after one further back: "
+                "give the planes in the order in which the light meets them"
+            )
+        if n * dx**2 < wavelength_m * apart_m:
+            least = math.floor(PLANE_M**2 / (wavelength_m * apart_m))
+            raise OpticsError(
+                f"a {n}×{n} plane is too fine for a plane {distance_m * 1e3:.2f} mm behind the pupil: its widest "
+                f"diffraction leaves the {PLANE_M * 1e3:.0f} mm grid; use {least} samples a side at most or a plane "
+                "nearer to the pupil"
+            )
+        if apart_m > 0:
+            field = _travel(field, wavelength_m * apart_m / PLANE_M**2)
+        field, before_m = field * mask, here_m
+    return field
+
+
+@jax.jit
+def _travel(field: Complex[Array, "n n"], turns: Float[Array, ""] | float) -> Complex[Array, "n n"]:
+    """Fresnel's transfer function exp(−iπ·λz·f²) on a field; `turns` is λz/W², so that f counts bins."""
+    n = field.shape[0]
+    f = jnp.fft.fftfreq(n, 1 / n)
+    line = jnp.exp(-1j * np.pi * turns * f**2).astype(field.dtype)
+    return jnp.fft.ifft2(jnp.fft.fft2(field) * line[:, None] * line[None, :])

@@ -105,16 +105,17 @@ def at_rest() -> LensState:
     return LensState(nothing, nothing)
 
 
-def _answer(tones: Tones) -> Complex[np.ndarray, "mode tone"]:
-    """What each mode makes of each tone that has long lasted, as a factor on the tone, in metres by dioptre."""
+@functools.lru_cache(maxsize=8)
+def _answer(tones_rad_s: tuple[float, ...]) -> Complex[np.ndarray, "mode tone"]:
+    """What each mode makes of tones that have long lasted, as a factor on each, in metres by dioptre."""
     modes = _modes()
-    omega, tone = modes.omega_rad_s[:, None], tones.omega_rad_s[None, :]
+    omega, tone = modes.omega_rad_s[:, None], np.array(tones_rad_s)[None, :]
     return EQUATOR_M_PER_D * modes.drive[:, None] / (omega**2 - tone**2 + 2j * DAMPING_RATIO * omega * tone)
 
 
 def step(state: LensState, t_s: float, dt_s: float, tones_d: Tones) -> LensState:
     """The lens at `t_s` + `dt_s`, of `state` at `t_s`, driven by accommodation. Exact for any `dt_s` ≥ 0."""
-    answer = _answer(tones_d)
+    answer = _answer(tuple(tones_d.omega_rad_s.tolist()))
     position, velocity = _settled(answer, tones_d, t_s)
     left, left_velocity = free_motion(
         state.position - position, state.velocity - velocity, _modes().omega_rad_s, DAMPING_RATIO, dt_s
@@ -128,11 +129,18 @@ def _settled(
 ) -> tuple[Float[np.ndarray, "mode"], Float[np.ndarray, "mode"]]:
     """The modes as the tones alone would have them."""
     now = tones.at(t_s)
-    return (answer @ now).real, (answer @ (1j * tones.omega_rad_s * now)).real
+    both = _product(answer, np.stack((now, 1j * tones.omega_rad_s * now), axis=1)).real
+    return both[:, 0], both[:, 1]
+
+
+def _product(matrix: np.ndarray, other: np.ndarray) -> np.ndarray:
+    """A matrix product without BLAS, whose threads cost more than so small a product where others use the machine."""
+    product: np.ndarray = np.einsum("ij,j...->i...", matrix, other, optimize=False)
+    return product
 
 
 def radial_m(state: LensState, accommodation_d: float) -> Float[np.ndarray, "17 17"]:
     """Radial displacement of every mass, metres outwards: rows in depth, columns from the axis to the equator."""
-    grid = (_modes().radial @ state.position).reshape(NODES, NODES)
+    grid = _product(_modes().radial, state.position).reshape(NODES, NODES)
     grid[_EQUATOR] = EQUATOR_M_PER_D * accommodation_d
     return grid

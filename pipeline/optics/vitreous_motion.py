@@ -13,6 +13,7 @@ import math
 from collections.abc import Sequence
 
 import numpy as np
+from jaxtyping import Float
 
 from pipeline.optics import OpticsError
 from pipeline.optics.damped import free_motion
@@ -21,13 +22,14 @@ LAG_SHARE = 0.5
 """How much of an eye's turn the vitreous lags behind at its end. Engineering choice: the gel is held by the wall that
 turns, which would make it 0, and its middle stays behind by inertia, which would make it 1."""
 OMEGA_RAD_S = 2 * math.pi
-"""Undamped frequency, 1 Hz. Engineering choice: with DAMPING_RATIO a lag falls to a tenth in 1.1 s and to a hundredth in
-2.0 s. The vitreous comes to rest within seconds (RIT §3.4, after Zimmerman 1980)."""
+"""Undamped frequency, 1 Hz. Engineering choice: with DAMPING_RATIO a lag falls to a tenth in 1.1 s and to a hundredth
+in 2.0 s. The vitreous comes to rest within seconds (RIT §3.4, after Zimmerman 1980)."""
 DAMPING_RATIO = 1.5
 """Over 1, since the vitreous in a living eye was found overdamped (Zimmerman 1980, Biophys. J. 29, 539): it comes back
 and does not swing past. How far over is an engineering choice; see OMEGA_RAD_S."""
 MAX_KICK_DEG = 180.0
 
+_Pair = Float[np.ndarray, "2"]
 Axes = tuple[float, float]
 """About the axis that makes for a turn to the right, and about the one for a turn upwards."""
 
@@ -65,8 +67,12 @@ class VitreousState:
 
 def step(state: VitreousState, dt_s: float, kicks: Sequence[Kick]) -> VitreousState:
     """The vitreous `dt_s` ≥ 0 later, with the kicks of this step. Exact for any time."""
-    parts = [(np.array(state.deg), np.array(state.deg_s), dt_s)]
-    parts += [(-LAG_SHARE * np.array((kick.right_deg, kick.up_deg)), np.zeros(2), kick.ago_s) for kick in kicks]
-    moved = [free_motion(deg, deg_s, OMEGA_RAD_S, DAMPING_RATIO, since_s) for deg, deg_s, since_s in parts]
-    deg, deg_s = (sum(part[k] for part in moved) for k in (0, 1))
+    deg, deg_s = _freely(np.array(state.deg), np.array(state.deg_s), dt_s)
+    for kick in kicks:
+        behind = _freely(-LAG_SHARE * np.array((kick.right_deg, kick.up_deg)), np.zeros(2), kick.ago_s)
+        deg, deg_s = deg + behind[0], deg_s + behind[1]
     return VitreousState((float(deg[0]), float(deg[1])), (float(deg_s[0]), float(deg_s[1])))
+
+
+def _freely(deg: _Pair, deg_s: _Pair, dt_s: float) -> tuple[_Pair, _Pair]:
+    return free_motion(deg, deg_s, OMEGA_RAD_S, DAMPING_RATIO, dt_s)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import msgspec
 import typer
@@ -11,6 +11,9 @@ import typer
 from services.options import Fov, Height, MeanLuminance, SettingsFile, Width
 from services.process import prepare_jax
 from services.terminal import console
+
+if TYPE_CHECKING:
+    from pipeline import Light
 
 
 def render(
@@ -36,30 +39,74 @@ def render(
     width: Width = None,
     height: Height = None,
     settings: SettingsFile = None,
+    glare: Annotated[
+        str | None, typer.Option(help="Point-spread function: wave, spe, cie or ijspeert; overrides the settings file.")
+    ] = None,
+    level: Annotated[
+        str | None,
+        typer.Option(
+            help="How much of it is applied: veil, sources, window, frame or reference, cheapest first; overrides the "
+            "settings file."
+        ),
+    ] = None,
+    light: Annotated[
+        list[str],
+        typer.Option(
+            metavar="X,Y,LUX[,SPECTRUM[,RADIUS]]",
+            help="A light of its own with its glare: direction in degrees, illuminance at the eye, spectrum (D65, A, "
+            "LED-B3, …, or a CSV file) and radius in degrees. May be given more than once.",
+        ),
+    ] = [],  # noqa: B006 - typer copies it
 ) -> None:
     """Perceive one HDR image."""
     prepare_jax()
-    from pipeline import Looking
+    from pipeline import Glare, Looking
     from services import render as renders
     from services.settings import load
 
     loaded = load(settings)
-    changes = {} if age is None else {"age_years": age}
-    loaded = msgspec.structs.replace(loaded, observer=msgspec.structs.replace(loaded.observer, **changes))
-    if display_peak is not None:
-        display = msgspec.structs.replace(loaded.display, peak_cd_m2=display_peak)
-        loaded = msgspec.structs.replace(loaded, display=display)
+    replace = msgspec.structs.replace
+    observer = loaded.observer if age is None else replace(loaded.observer, age_years=age)
+    display = loaded.display if display_peak is None else replace(loaded.display, peak_cd_m2=display_peak)
+    try:
+        chosen = msgspec.convert(
+            {
+                **msgspec.to_builtins(loaded.glare),
+                **({} if glare is None else {"model": glare}),
+                **({} if level is None else {"level": level}),
+            },
+            Glare,
+        )
+    except msgspec.ValidationError as error:
+        raise typer.BadParameter(f"{error}; see --help", param_hint="--glare and --level") from None
     renders.run(
         image,
         output,
-        loaded,
+        replace(loaded, observer=observer, display=display, glare=chosen),
         Looking(*_direction(gaze), pupil_mm),
         adaptation,
         fov,
         mean_luminance,
         (width, height),
+        tuple(_light(text) for text in light),
         console,
     )
+
+
+def _light(text: str) -> Light:
+    from pipeline import Light
+
+    parts = text.split(",")
+    given = [*parts, *["D65", "0"][max(len(parts) - 3, 0) :]]
+    try:
+        azimuth, elevation, illuminance, spectrum, radius = given
+        azimuth_deg, elevation_deg, illuminance_lx, radius_deg = map(float, (azimuth, elevation, illuminance, radius))
+        return Light(azimuth_deg, elevation_deg, illuminance_lx, radius_deg, spectrum)
+    except ValueError:
+        raise typer.BadParameter(
+            f"{text!r} is no light: give direction, illuminance, spectrum and radius, like 5,-2,0.3,LED-B3,0.1",
+            param_hint="--light",
+        ) from None
 
 
 def _direction(text: str) -> tuple[float, float]:

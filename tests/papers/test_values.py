@@ -7,9 +7,7 @@ import pytest
 
 from pipeline import threshold
 from pipeline.effects import acuity, adaptation, tone
-from pipeline.optics import analytic, pupil
-
-ANGLES_DEG = np.concatenate([np.linspace(0, 1, 200_001), np.linspace(1, 90, 200_001)[1:]])
+from pipeline.optics import analytic, pupil, radial
 
 
 def test_watson_yellott() -> None:
@@ -45,19 +43,18 @@ def test_key(adapted: float, key: float) -> None:
     assert adaptation.exposure(adapted) * adapted == pytest.approx(key, abs=5e-5)
 
 
-@pytest.mark.parametrize(("component", "volume"), [(0, 0.99909), (1, 0.99991), (2, 0.99994), (3, 1.0001)])
-def test_volume_of_spe_components(component: int, volume: float) -> None:
-    density = (analytic.f0, analytic.f1, analytic.f2, lambda deg: analytic.f3(deg, 568))[component]
-    assert analytic.hemisphere_volume(density(ANGLES_DEG), ANGLES_DEG) == pytest.approx(volume, abs=5e-5)
+@pytest.mark.parametrize(("component", "volume"), [("f0", 0.99909), ("f1", 0.99991), ("f2", 0.99994), ("f3", 1.0001)])
+def test_volume_of_spe_components(component: str, volume: float) -> None:
+    assert radial.hemisphere_volume(getattr(analytic, component)) == pytest.approx(volume, abs=5e-5)
 
 
 @pytest.mark.parametrize(("age", "scattered"), [(20, 0.363), (60, 0.445)])
 def test_light_scattered_beyond_a_twentieth_of_a_degree(age: float, scattered: float) -> None:
-    weights = analytic.spe_weights(1000, age)
-    parts = (analytic.f0(ANGLES_DEG), analytic.f1(ANGLES_DEG), analytic.f2(ANGLES_DEG), analytic.f3(ANGLES_DEG, 568))
-    density = sum(weight * part for weight, part in zip(weights, parts, strict=True))
-    beyond = ANGLES_DEG >= 0.05
-    assert analytic.hemisphere_volume(density[beyond], ANGLES_DEG[beyond]) == pytest.approx(scattered, abs=1e-3)
+    def density(deg: np.ndarray) -> np.ndarray:
+        return analytic.spe(deg, 1000, age)
+
+    beyond = radial.hemisphere_volume(density) - float(radial.encircled(density, 0.05))
+    assert beyond == pytest.approx(scattered, abs=5e-4)
 
 
 @pytest.mark.parametrize(

@@ -11,9 +11,11 @@ from jaxtyping import Array, Complex, Float
 from numpy.typing import NDArray
 
 from pipeline.effects.glare.kernel import Component, Formula, Mixture, Veil, component
+from pipeline.frame import LUMINANCE_WEIGHTS
 from pipeline.observer import Observer
-from pipeline.optics import analytic, diffraction, light_spectra, radial, whole
+from pipeline.optics import analytic, diffraction, flare_lines, light_spectra, radial, whole
 from pipeline.optics.aperture import PUPIL_RANGE_MM, Pose, planes, pupil_plane
+from pipeline.optics.flare_lines import Flare
 
 GRID = 2048
 """Samples along the pupil plane: the least power of two that resolves the lens fibres."""
@@ -37,8 +39,10 @@ class GlareModel(enum.StrEnum):
 def mixture(model: GlareModel, observer: Observer, pose: Pose, adapted_cd_m2: float, pixels_per_deg: float) -> Mixture:
     """The kernel of an observer's eye as it stands, in a view of so many pixels per degree in its middle."""
     match model:
-        case GlareModel.WAVE if not pose.at_rest:
+        case GlareModel.WAVE if pose.lens_m is not None:
             return ((wave_component(observer, pose, pixels_per_deg), 1.0),)
+        case GlareModel.WAVE if not _rests(observer, pose):
+            return ((_posed(observer, pose, pixels_per_deg), 1.0),)
         case GlareModel.WAVE:
             low, high, share = pupil_steps(pose.pupil_mm)
             steps = [_resting(observer, step, pixels_per_deg) for step in (low, high)]
@@ -58,7 +62,7 @@ def mixture(model: GlareModel, observer: Observer, pose: Pose, adapted_cd_m2: fl
             weights = analytic.spe_weights(adapted_cd_m2, observer.age_years)
             return tuple(
                 (part, float(weight))
-                for part, weight in zip(_spe_components(pixels_per_deg), weights, strict=True)
+                for part, weight in zip(_spe_components(pixels_per_deg, observer.seed), weights, strict=True)
                 if weight > 0
             )
     return ((steps[0], 1 - share), (steps[1], share)) if share > 0 else ((steps[0], 1.0),)
@@ -91,7 +95,9 @@ def wave_component(
     """
     psf = monochromatic(observer, pose, grid, multi_plane=multi_plane, double=double)
     nm, weights = light_spectra.primary_weights(wavelengths)
-    return component(*_whole(psf, nm, weights, observer, pixels_per_deg))
+    veil = cie_veil(observer)
+    kernel, share = whole.wave_kernel(psf, nm, weights, pixels_per_deg, *veil.parameters)
+    return component(kernel, veil, share)
 
 
 def monochromatic(
@@ -103,16 +109,18 @@ def monochromatic(
     )
 
 
-def reference_kernel(observer: Observer, pose: Pose, pixels_per_deg: float) -> tuple[NDArray[np.float64], Veil, float]:
+def reference_kernel(
+    observer: Observer, pose: Pose, pixels_per_deg: float, wavelengths: int = light_spectra.WAVELENGTHS
+) -> tuple[NDArray[np.float64], Veil, float]:
     """The same kernel with an FFT in float64 for each wavelength, its veil and the veil's share: tens of seconds."""
-    nm, weights = light_spectra.primary_weights()
+    nm, weights = light_spectra.primary_weights(wavelengths)
 
     def field(wavelength_nm: float) -> Complex[Array, "n n"]:
         return _field(observer, pose, GRID, wavelength_nm, multi_plane=False, double=True)
 
-    pigmentation = analytic.PIGMENTATION[observer.iris]
-    kernel, share = whole.fresh_wave_kernel(field, GRID, nm, weights, pixels_per_deg, observer.age_years, pigmentation)
-    return kernel, _veil(observer), share
+    veil = cie_veil(observer)
+    kernel, share = whole.fresh_wave_kernel(field, GRID, nm, weights, pixels_per_deg, *veil.parameters)
+    return kernel, veil, share
 
 
 def _field(
@@ -121,32 +129,31 @@ def _field(
     """The light behind the pupil, before it goes on to the retina."""
     number = jnp.complex128 if double else jnp.complex64
     if multi_plane:
-        first, vitreous, distance_m = planes(observer, pose, grid)
+        first, later = planes(observer, pose, grid)
         field = diffraction.through_planes(
-            jnp.asarray(first, number), [(jnp.asarray(vitreous, number), distance_m)], wavelength_nm
+            first.astype(number), [(mask.astype(number), distance_m) for mask, distance_m in later], wavelength_nm
         )
     else:
-        field = jnp.asarray(pupil_plane(observer, pose, grid), number)
+        field = pupil_plane(observer, pose, grid).astype(number)
     if pose.defocus_d:
-        diameter_m = min(max(pose.pupil_mm, PUPIL_RANGE_MM[0]), PUPIL_RANGE_MM[1]) * 1e-3
-        field = field * diffraction.defocus(grid, pose.defocus_d, diameter_m, wavelength_nm).astype(number)
+        field = field * diffraction.defocus(grid, pose.defocus_d, pose.diameter_m, wavelength_nm).astype(number)
     return field
 
 
-def _veil(observer: Observer) -> Veil:
+def cie_veil(observer: Observer) -> Veil:
+    """CIE 135 beyond the kernel, for this age and pigmentation."""
     return Veil(analytic.cie135, (observer.age_years, analytic.PIGMENTATION[observer.iris]))
 
 
-def _whole(
-    psf: Float[Array, "n n"],
-    nm: NDArray[np.float64],
-    weights: NDArray[np.float64],
-    observer: Observer,
-    pixels_per_deg: float,
-) -> tuple[NDArray[np.float64], Veil, float]:
-    veil = _veil(observer)
-    kernel, share = whole.wave_kernel(psf, nm, weights, pixels_per_deg, *veil.parameters)
-    return kernel, veil, share
+def _rests(observer: Observer, pose: Pose) -> bool:
+    """Whether the eye stands as this observer's does at rest, but for the pupil."""
+    return pose.parts_at_rest and pose.openness >= 1 and not pose.lashes and pose.defocus_d == observer.defocus_d
+
+
+@functools.lru_cache(maxsize=2)
+def _posed(observer: Observer, pose: Pose, pixels_per_deg: float) -> Component:
+    """The kernel of an eye that holds still, but not at rest: squinting."""
+    return wave_component(observer, pose, pixels_per_deg)
 
 
 @functools.lru_cache(maxsize=8)
@@ -158,18 +165,35 @@ def _resting(observer: Observer, step: int, pixels_per_deg: float) -> Component:
 def formula_component(function: Formula, parameters: tuple[float, ...], pixels_per_deg: float) -> Component:
     """The kernel and the veil of a formula, alike for all colours."""
     veil = Veil(function, parameters)
-    radius = whole.kernel_radius_px(pixels_per_deg)
+    return component(_near(veil, pixels_per_deg), veil, radial.hemisphere_volume(veil.density))
+
+
+def _near(veil: Veil, pixels_per_deg: float) -> NDArray[np.float64]:
+    """What of a formula the veil leaves to the kernel."""
 
     def near(deg: NDArray[np.float64]) -> NDArray[np.float64]:
-        return function(deg, *parameters) * (1 - whole.veil_part(deg))
+        return veil.function(deg, *veil.parameters) * (1 - whole.veil_part(deg))
 
-    kernel = radial.pixel_integrated(near, pixels_per_deg, radius, radius)
-    return component(kernel, veil, radial.hemisphere_volume(veil.density))
+    radius = whole.kernel_radius_px(pixels_per_deg)
+    return radial.pixel_integrated(near, pixels_per_deg, radius, radius)
 
 
 @functools.lru_cache(maxsize=4)
-def _spe_components(pixels_per_deg: float) -> tuple[Component, ...]:
-    """SPE's f0 … f3; the halo, which differs by wavelength, from the spectra of the frame's primaries."""
+def _spe_components(pixels_per_deg: float, seed: int) -> tuple[Component, ...]:
+    """SPE's f0 … f3: the scattering with one set of flare lines, the halo with another and with its colours."""
+    radius = whole.kernel_radius_px(pixels_per_deg)
+    corona = flare_lines.flare_lines(seed, Flare.CORONA, radius, radius)
+    scattering = []
+    for function in (analytic.f1, analytic.f2):
+        veil = Veil(function)
+        kernel = flare_lines.with_flare_lines(_near(veil, pixels_per_deg), corona)
+        scattering.append(component(kernel, veil, radial.hemisphere_volume(veil.density)))
+    core = formula_component(analytic.f0, (), pixels_per_deg)
+    return (core, *scattering, component(_halo(pixels_per_deg, seed), None, 0.0))
+
+
+def _halo(pixels_per_deg: float, seed: int) -> NDArray[np.float64]:
+    """f3 from the spectra of the frame's primaries to each channel, with its flare lines and its luminance kept."""
     radius = whole.kernel_radius_px(pixels_per_deg)
     nm, weights = light_spectra.primary_weights()
     halo = np.empty((3, 3, 2 * radius + 1, 2 * radius + 1))
@@ -179,7 +203,6 @@ def _spe_components(pixels_per_deg: float) -> tuple[Component, ...]:
             return np.asarray(sum(w * analytic.f3(deg, wavelength) for w, wavelength in zip(of, nm, strict=True)))
 
         halo[o, i] = radial.pixel_integrated(ring, pixels_per_deg, radius, radius)
-    scattering = (
-        formula_component(function, (), pixels_per_deg) for function in (analytic.f0, analytic.f1, analytic.f2)
-    )
-    return (*scattering, component(halo, None, 0.0))
+    lines = flare_lines.flare_lines(seed, Flare.HALO, radius, radius)
+    luminance = np.einsum("o,oijk->jk", np.array(LUMINANCE_WEIGHTS), halo)
+    return halo * lines * float(luminance.sum() / (luminance * lines).sum())

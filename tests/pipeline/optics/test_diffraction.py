@@ -1,118 +1,309 @@
 """Wave optics against closed forms."""
 
+import functools
+import math
+import re
+from collections.abc import Callable
+
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 from scipy.optimize import brentq
+from scipy.special import j1, jv
 
-from pipeline import Observer
-from pipeline.optics import OpticsError, aperture, diffraction, spectrum
+from pipeline.observer import Observer
+from pipeline.optics import OpticsError, aperture, diffraction
+from pipeline.optics.aperture import PLANE_M, Pose
 
-CLEAR = Observer(particles=0, gratings=0)
-N = 2048
-
-
-def psf_of(observer: Observer, diameter_mm: float) -> np.ndarray:
-    plane = aperture.pupil_plane(aperture.eye_structure(observer, N), jnp.float32(diameter_mm * 1e-3), N)
-    return np.asarray(diffraction.point_spread(plane))
+N = 512
+DARK_RINGS = (1.2197, 2.2331, 3.2383)
+"""Of Airy's pattern in λ/D: the zeros of J1 over π."""
 
 
-def radial_mean(psf: np.ndarray) -> np.ndarray:
-    y, x = np.indices(psf.shape) - N // 2
-    ring = np.hypot(x, y).astype(int)
-    return np.bincount(ring.ravel(), psf.ravel().astype(np.float64)) / np.bincount(ring.ravel())
+def samples(n: int) -> np.ndarray:
+    return np.arange(n) - n // 2
+
+
+def grid_m(n: int) -> tuple[np.ndarray, np.ndarray]:
+    x = samples(n) * PLANE_M / n
+    return x[:, None], x[None, :]
+
+
+def apart(one: np.ndarray, other: np.ndarray) -> float:
+    return float(np.abs(one - other).max())
+
+
+def psf_of(plane: np.ndarray) -> np.ndarray:
+    return np.asarray(diffraction.point_spread(jnp.asarray(plane, jnp.complex128)))
+
+
+@functools.cache
+def disc(diameter_mm: float) -> np.ndarray:
+    return np.asarray(aperture.pupil_disc(diameter_mm * 1e-3, N), np.float64)
+
+
+def amplitude_of(diameter_mm: float) -> Callable[[float], float]:
+    """The FFT's own sum along an axis of the field, at any fraction of a bin."""
+    profile = disc(diameter_mm).sum(axis=0)
+    x = samples(N)
+    return lambda bins: float(profile @ np.cos(2 * np.pi * bins * x / N)) / float(profile.sum())
 
 
 @pytest.mark.parametrize("diameter_mm", [2.0, 4.0, 7.0])
-def test_a_clear_pupils_first_dark_ring_is_airys(diameter_mm: float) -> None:
-    """Between the samples of the FFT, the amplitude is the same sum at a fraction of a bin."""
-    profile = np.asarray(aperture.pupil_disc(diameter_mm * 1e-3, N), np.float64).sum(axis=0)
-    x = np.arange(N) - N // 2
+@pytest.mark.parametrize("nm", [420.0, 500.0, 575.0, 680.0])
+def test_the_first_three_dark_rings_are_airys_at_each_wavelength(nm: float, diameter_mm: float) -> None:
+    amplitude = amplitude_of(diameter_mm)
+    first_bins = PLANE_M / (diameter_mm * 1e-3)
+    for ring in DARK_RINGS:
+        bins = brentq(amplitude, (ring - 0.3) * first_bins, (ring + 0.3) * first_bins)
+        deg = math.degrees(ring * nm * 1e-9 / (diameter_mm * 1e-3))
+        assert bins * diffraction.bin_deg(nm) == pytest.approx(deg, rel=0.005)
+        scaled = bins * diffraction.bin_deg(diffraction.WAVELENGTH_NM) * nm / diffraction.WAVELENGTH_NM
+        assert scaled == pytest.approx(deg, rel=0.005)
 
-    def amplitude(bins: float) -> float:
-        return float(profile @ np.cos(2 * np.pi * bins * x / N))
 
-    expected_bins = 1.2197 * aperture.PLANE_M / (diameter_mm * 1e-3)
-    assert brentq(amplitude, 0.9 * expected_bins, 1.1 * expected_bins) == pytest.approx(expected_bins, rel=0.005)
-    psf = psf_of(CLEAR, diameter_mm)
+@pytest.mark.parametrize("diameter_mm", [2.0, 4.0, 7.0])
+def test_the_function_is_airys_at_every_sample_near_the_axis(diameter_mm: float) -> None:
+    psf = psf_of(disc(diameter_mm))
+    v, u = samples(N)[:, None], samples(N)[None, :]
+    x = np.pi * np.hypot(u, v) * diameter_mm * 1e-3 / PLANE_M
+    with np.errstate(invalid="ignore"):
+        airy = np.where(x == 0, 1, (2 * j1(x) / np.where(x == 0, 1, x)) ** 2)
+    near = np.hypot(u, v) < 40
+    assert np.abs(psf / psf.max() - airy)[near].max() < 1e-4
+    amplitude = amplitude_of(diameter_mm)
     for bins in range(6):
-        assert psf[N // 2, N // 2 + bins] / psf.max() == pytest.approx((amplitude(bins) / amplitude(0)) ** 2, abs=1e-6)
+        assert psf[N // 2, N // 2 + bins] / psf.max() == pytest.approx(amplitude(bins) ** 2, abs=1e-9)
 
 
-def test_encircled_energy_of_a_clear_pupil() -> None:
-    psf = psf_of(CLEAR, 2.0)
-    y, x = np.indices(psf.shape) - N // 2
-    within = np.hypot(x, y) <= 1.2197 * aperture.PLANE_M / 2e-3
-    assert psf[within].sum() == pytest.approx(0.838, abs=0.01)
+@pytest.mark.parametrize("diameter_mm", [2.0, 4.0, 7.0])
+def test_full_width_at_half_maximum(diameter_mm: float) -> None:
+    amplitude = amplitude_of(diameter_mm)
+    lambda_over_d = PLANE_M / (diameter_mm * 1e-3)
+    half = brentq(lambda bins: amplitude(bins) ** 2 - 0.5, 0.01, 1.2 * lambda_over_d)
+    assert 2 * half == pytest.approx(1.029 * lambda_over_d, rel=0.001)
 
 
-def test_the_fibres_halo_lies_at_three_degrees_for_568_nm() -> None:
-    psf = psf_of(Observer(particles=0), 7.0)
-    profile = radial_mean(psf) * np.arange(len(radial_mean(psf)))
-    deg_at_568 = np.arange(len(profile)) * diffraction.bin_deg(diffraction.WAVELENGTH_NM) * 568 / 575
-    near = (deg_at_568 > 2) & (deg_at_568 < 4)
-    assert deg_at_568[near][np.argmax(profile[near])] == pytest.approx(3.0, abs=0.03)
+def test_encircled_energy_at_the_dark_rings() -> None:
+    """Of a narrow pupil, whose rings are many samples wide. The light on the axis says how much there is in all."""
+    psf = psf_of(disc(1.0))
+    whole = psf.max() * 4 / np.pi * (PLANE_M / 1e-3) ** 2
+    away = np.hypot(samples(N)[:, None], samples(N)[None, :])
+    for ring, share in zip(DARK_RINGS, (0.838, 0.910, 0.938), strict=True):
+        within = np.clip(ring * PLANE_M / 1e-3 - away + 0.5, 0, 1)
+        assert (psf * within).sum() / whole == pytest.approx(share, abs=0.002)
 
 
-def test_the_halo_of_the_average_eye_has_spencers_share_of_the_light() -> None:
-    """3.3 % at 7 mm (SPE 10), counted in the ring itself against the same pupil without fibres."""
-    y, x = (np.indices((N, N)) - N // 2) * diffraction.bin_deg(diffraction.WAVELENGTH_NM)
-    ring = (np.hypot(x, y) > 2) & (np.hypot(x, y) < 4)
-    clear = psf_of(CLEAR, 7.0)[ring].sum(dtype=np.float64)
-    eyes = [psf_of(Observer(particles=0, seed=seed), 7.0) for seed in range(6)]
-    shares = [eye[ring].sum(dtype=np.float64) - clear for eye in eyes]
-    assert np.mean(shares) == pytest.approx(0.033, abs=0.002)
-    assert np.ptp(shares) < 0.01
+@pytest.mark.parametrize("amplitude", [0.29, 1.0, 2.4])
+@pytest.mark.parametrize("lines", [16, 50])
+def test_a_phase_gratings_orders(amplitude: float, lines: int) -> None:
+    """At sin θ = m·λ/p with J_m² of the light each."""
+    x = samples(N) / N
+    psf = psf_of(np.ones((N, 1)) * np.exp(1j * amplitude * np.sin(2 * np.pi * lines * x))[None, :])
+    for order in range(-4, 5):
+        assert psf[N // 2, N // 2 + order * lines] == pytest.approx(jv(order, amplitude) ** 2, abs=1e-10)
+    period_m = PLANE_M / lines
+    sine = math.radians(lines * diffraction.bin_deg(532.0))
+    assert sine == pytest.approx(532e-9 / period_m, rel=1e-12)
 
 
-def test_a_pupil_under_3_mm_has_no_halo() -> None:
-    ring = slice(780, 860)
-    narrow, wide = (radial_mean(psf_of(Observer(particles=0), mm))[ring].max() for mm in (2.5, 7.0))
-    assert wide > 20 * narrow
+@given(st.sampled_from([4, 9, 32]), st.integers(0, 2**32 - 1))
+@settings(max_examples=30, deadline=None)
+def test_parseval(n: int, seed: int) -> None:
+    random = np.random.default_rng(seed)
+    plane = random.normal(size=(n, n)) + 1j * random.normal(size=(n, n))
+    psf = psf_of(plane)
+    assert psf.sum() == pytest.approx(1, abs=1e-12)
+    on_axis = abs(plane.sum()) ** 2 / (n * n * (abs(plane) ** 2).sum())
+    assert psf[n // 2, n // 2] == pytest.approx(on_axis, rel=1e-9, abs=1e-15)
 
 
-def test_a_coarse_grid_refuses_fibres_by_name() -> None:
-    with pytest.raises(OpticsError, match="2048"):
-        aperture.eye_structure(Observer(), 1024)
+def test_precision_follows_the_plane() -> None:
+    plane = jnp.asarray(disc(4.0))
+    single = diffraction.point_spread(plane.astype(jnp.complex64))
+    double = diffraction.point_spread(plane.astype(jnp.complex128))
+    assert single.dtype == jnp.float32
+    assert double.dtype == jnp.float64
+    assert np.abs(np.asarray(single) - np.asarray(double)).max() < 1e-6 * float(double.max())
+    assert float(np.asarray(single, np.float64).sum()) == pytest.approx(1, abs=1e-5)
 
 
-@pytest.mark.parametrize("pixels_per_deg", [5.0, 9.82, 13.85, 30.0, 60.0])
-def test_a_kernel_has_unit_volume_at_any_pixel_size(pixels_per_deg: float) -> None:
-    kernel = np.asarray(spectrum.rgb_kernel(psf_of(Observer(), 5.0), pixels_per_deg))
-    assert kernel.sum(axis=(1, 2)) == pytest.approx([1, 1, 1], abs=1e-9)
-    assert kernel.min() >= 0
+def test_no_light_is_no_light_and_not_nan() -> None:
+    assert not diffraction.point_spread(jnp.zeros((64, 64), jnp.complex64)).any()
 
 
-def test_the_summed_area_table_equals_summing_each_wavelength() -> None:
-    psf, pixels_per_deg = psf_of(Observer(), 5.0), 9.82
-    nm, weights = spectrum.rgb_of_white()
-    radius = spectrum.kernel_radius_px(N, pixels_per_deg)
-    expected = np.zeros((3, 2 * radius + 1, 2 * radius + 1))
-    fine = psf.astype(np.float64)
-    for wavelength, rgb in zip(nm, weights, strict=True):
-        edges_deg = (np.arange(N + 1) - N // 2 - 0.5) * diffraction.bin_deg(wavelength)
-        pixel_edges = (np.arange(2 * radius + 2) - radius - 0.5) / pixels_per_deg
-        low = np.maximum(edges_deg[None, :-1], pixel_edges[:-1, None])
-        high = np.minimum(edges_deg[None, 1:], pixel_edges[1:, None])
-        share = np.clip(high - low, 0, None) / diffraction.bin_deg(wavelength)
-        expected += rgb[:, None, None] * (share @ fine @ share.T)
-    expected = np.maximum(expected, 0)
-    expected /= expected.sum(axis=(1, 2), keepdims=True)
-    assert np.asarray(spectrum.rgb_kernel(psf, pixels_per_deg)) == pytest.approx(expected, rel=1e-6, abs=1e-14)
+def gaussian_pair(n: int, turned_rad: float) -> np.ndarray:
+    """Two round Gaussian holes, 2 mm apart along a direction."""
+    y, x = grid_m(n)
+    along, across = x * np.cos(turned_rad) + y * np.sin(turned_rad), -x * np.sin(turned_rad) + y * np.cos(turned_rad)
+    width = 0.5e-3
+    return np.exp(-((along - 1e-3) ** 2 + across**2) / width**2) + np.exp(-((along + 1e-3) ** 2 + across**2) / width**2)
 
 
-def test_the_same_observer_has_the_same_eye_and_another_seed_another() -> None:
-    aperture.eye_structure.cache_clear()
-    one = np.asarray(aperture.eye_structure(Observer(), N))
-    aperture.eye_structure.cache_clear()
-    assert np.array_equal(one, np.asarray(aperture.eye_structure(Observer(), N)))
-    assert not np.array_equal(one, np.asarray(aperture.eye_structure(Observer(seed=1), N)))
+def test_a_gaussian_aperture_has_a_gaussian_function() -> None:
+    y, x = grid_m(N)
+    width = 0.7e-3
+    psf = psf_of(np.exp(-(x**2 + y**2) / width**2))
+    f = np.hypot(samples(N)[:, None], samples(N)[None, :]) / PLANE_M
+    assert apart(psf / psf.max(), np.exp(-2 * (np.pi * width * f) ** 2)) < 1e-12
 
 
-def test_the_halo_is_a_ring_without_corners() -> None:
-    """Higher orders of the fibres, were they kept, would fold back to the diagonals at 4.6°."""
-    psf = psf_of(Observer(particles=0), 7.0)
-    y, x = (np.indices(psf.shape) - N // 2) * diffraction.bin_deg(diffraction.WAVELENGTH_NM)
-    away = np.hypot(x, y)
-    corners, ring = (away > 4.3) & (away < 4.9), (away > 2.95) & (away < 3.15)
-    assert psf[corners].mean() < 1e-3 * psf[ring].mean()
+@pytest.mark.parametrize("turned_deg", [0.0, 17.0, 45.0, 121.5])
+def test_turning_the_aperture_turns_the_function(turned_deg: float) -> None:
+    turned = math.radians(turned_deg)
+    psf = psf_of(gaussian_pair(N, turned))
+    v, u = samples(N)[:, None] / PLANE_M, samples(N)[None, :] / PLANE_M
+    along = u * np.cos(turned) + v * np.sin(turned)
+    expected = np.exp(-2 * (np.pi * 0.5e-3) ** 2 * (u**2 + v**2)) * np.cos(2 * np.pi * 1e-3 * along) ** 2
+    assert apart(psf / psf.max(), expected) < 1e-9
+
+
+def test_a_quarter_turn_is_exact() -> None:
+    random = np.random.default_rng(3)
+    plane = random.normal(size=(255, 255)) + 1j * random.normal(size=(255, 255))
+    assert apart(psf_of(np.rot90(plane)), np.rot90(psf_of(plane))) < 1e-12
+
+
+@pytest.mark.parametrize("bins", [(3, 0), (-20, 7), (0, -255)])
+def test_a_tilt_shifts_the_function_and_moving_the_aperture_does_not(bins: tuple[int, int]) -> None:
+    plane = gaussian_pair(512, 0.4)
+    psf = psf_of(plane)
+    y, x = grid_m(512)
+    tilt = np.exp(2j * np.pi * (bins[0] * y + bins[1] * x) / PLANE_M)
+    assert apart(psf_of(plane * tilt), np.roll(psf, bins, (0, 1))) < 1e-14
+    assert apart(psf_of(np.roll(plane, bins, (0, 1))), psf) < 1e-14
+
+
+@pytest.mark.parametrize("defocus_d", [-0.3, 0.1, 0.25, 0.6])
+@pytest.mark.parametrize("nm", [450.0, 650.0])
+def test_light_on_the_axis_out_of_focus(defocus_d: float, nm: float) -> None:
+    """sinc² of half the phase at the pupil's edge."""
+    pupil = disc(4.0)
+    ratio = psf_of(pupil * diffraction.defocus(N, defocus_d, 4e-3, nm))[N // 2, N // 2] / psf_of(pupil)[N // 2, N // 2]
+    cycles = defocus_d * 2e-3**2 / (nm * 1e-9) / 2
+    assert ratio == pytest.approx(np.sinc(cycles) ** 2, abs=0.001)
+
+
+def test_far_out_of_focus_the_eye_has_the_blur_disc_of_geometric_optics() -> None:
+    """As wide as the pupil × the defocus, evenly lit: half the light within 1/√2 of it."""
+    psf = psf_of(disc(4.0) * diffraction.defocus(N, 4.0, 4e-3, 575.0))
+    away_rad = np.hypot(samples(N)[:, None], samples(N)[None, :]) * math.radians(diffraction.bin_deg(575.0))
+    order = np.argsort(away_rad, axis=None)
+    within = np.cumsum(psf.ravel()[order])
+    for share in (0.25, 0.5, 0.9):
+        radius = away_rad.ravel()[order][np.searchsorted(within, share)]
+        assert radius == pytest.approx(math.sqrt(share) * 4e-3 * 4.0 / 2, rel=0.03)
+
+
+@pytest.mark.parametrize("n", [256, 512, 1024])
+def test_defocus_that_a_grid_does_not_sample_is_refused_up_to_the_limit(n: int) -> None:
+    limit = 575e-9 / (2 * PLANE_M / n * 3.5e-3)
+    diffraction.defocus(n, 0.999 * limit, 7e-3)
+    with pytest.raises(OpticsError, match=r"samples less than .* D of defocus at a 7\.00 mm pupil") as refused:
+        diffraction.defocus(n, -1.2 * limit, 7e-3)
+    diffraction.defocus(_named(refused), -1.2 * limit, 7e-3)
+
+
+def _named(refused: pytest.ExceptionInfo[OpticsError]) -> int:
+    found = re.search(r"use (\d+) samples", str(refused.value))
+    assert found
+    return int(found[1])
+
+
+@pytest.mark.parametrize("n", [256, 512, 1024, 2048, 4096])
+def test_the_papers_phase_is_refused_at_every_size_they_use(n: int) -> None:
+    with pytest.raises(OpticsError, match="without a lens") as refused:
+        diffraction.lensless_phase(n, PLANE_M)
+    needed = _named(refused)
+    assert PLANE_M / needed * PLANE_M / 2 / (575e-9 * 24e-3) < 0.5
+    assert PLANE_M / (needed - 4) * PLANE_M / 2 / (575e-9 * 24e-3) > 0.5
+
+
+def test_the_papers_phase_is_that_of_an_eye_without_its_lens() -> None:
+    """1/24 mm = 41.7 D of defocus, where the grid samples it."""
+    n, diameter_m = 1024, 1e-3
+    with pytest.raises(OpticsError):
+        diffraction.lensless_phase(512, diameter_m)
+    y, x = grid_m(n)
+    inside = np.hypot(x, y) < diameter_m / 2
+    lensless = diffraction.lensless_phase(n, diameter_m)
+    assert apart(lensless[inside], diffraction.defocus(n, 1 / 24e-3, diameter_m)[inside]) < 1e-5
+
+
+def random_planes(n: int, count: int) -> list[np.ndarray]:
+    random = np.random.default_rng(11)
+    return [random.random((n, n)) * np.exp(1j * random.normal(size=(n, n))) for _ in range(count)]
+
+
+def test_planes_at_the_pupil_multiply() -> None:
+    first, second, third = random_planes(64, 3)
+    field = diffraction.through_planes(jnp.asarray(first), [(second, 0.0), (third, 0.0)])
+    assert apart(np.asarray(field), first * second * third) < 1e-14
+
+
+def test_a_clear_plane_further_back_keeps_energy_and_function() -> None:
+    first = random_planes(256, 1)[0]
+    field = diffraction.through_planes(jnp.asarray(first), [(np.ones((256, 256)), 12e-3)])
+    assert (abs(np.asarray(field)) ** 2).sum() == pytest.approx((abs(first) ** 2).sum(), rel=1e-12)
+    assert apart(psf_of(np.asarray(field)), psf_of(first)) < 1e-14
+    assert np.abs(np.asarray(field) - first).max() > 0.1
+
+
+@pytest.mark.parametrize("distance_m", [2e-3, 8e-3, 14e-3])
+def test_a_converging_gaussian_beam(distance_m: float) -> None:
+    """Against the complex beam parameter (ABCD): its width at the plane, over the cone's."""
+    n, width_m, f = 512, 0.2e-3, diffraction.IMAGE_DISTANCE_M
+    y, x = grid_m(n)
+    beam = np.exp(-(x**2 + y**2) / width_m**2).astype(complex)
+    field = np.abs(np.asarray(diffraction.through_planes(jnp.asarray(beam), [(np.ones((n, n)), distance_m)], 600.0)))
+    wavelength = 600e-9 / diffraction.VITREOUS_INDEX
+    q = 1 / (-1 / f - 1j * wavelength / (np.pi * width_m**2)) + distance_m
+    width_there = math.sqrt(-wavelength / (np.pi * (1 / q).imag))
+    in_pupil_coordinates = width_there / (1 - distance_m / f)
+    assert apart(field / field.max(), np.exp(-(x**2 + y**2) / in_pupil_coordinates**2)) < 1e-6
+
+
+def test_a_grating_images_itself_at_talbots_distance() -> None:
+    """Half-way it is moved by half a period; so a second grating meets the first's own field, or its shifted one."""
+    n, lines = 512, 64
+    x = samples(n) / n
+    first, second = (np.ones((n, 1)) * np.exp(1j * a * np.cos(2 * np.pi * lines * x))[None, :] for a in (0.5, 0.8))
+    collimated = (PLANE_M / lines) ** 2 / (575e-9 / diffraction.VITREOUS_INDEX)
+    f = diffraction.IMAGE_DISTANCE_M
+    for talbots, moved in ((1.0, n // lines // 2), (2.0, 0)):
+        distance = talbots * collimated * f / (f + talbots * collimated)
+        field = np.asarray(diffraction.through_planes(jnp.asarray(first), [(second, distance)]))
+        expected = np.roll(first, moved, 1) * second
+        assert apart(psf_of(field), psf_of(expected)) < 1e-12
+
+
+def test_planes_that_cannot_be_propagated_are_refused_by_name() -> None:
+    ones = np.ones((64, 64), complex)
+    with pytest.raises(OpticsError, match="between it and the focus"):
+        diffraction.through_planes(jnp.asarray(ones), [(ones, 20.4e-3)])
+    with pytest.raises(OpticsError, match="between it and the focus"):
+        diffraction.through_planes(jnp.asarray(ones), [(ones, -1e-3)])
+    with pytest.raises(OpticsError, match="order"):
+        diffraction.through_planes(jnp.asarray(ones), [(ones, 5e-3), (ones, 4e-3)])
+    with pytest.raises(OpticsError, match="too fine") as refused:
+        diffraction.through_planes(jnp.ones((128, 128), complex), [(1.0, 20.2e-3)])
+    least = _named(refused)
+    assert PLANE_M**2 / least >= 575e-9 / 1.336 * diffraction.collimated_m(20.2e-3) > PLANE_M**2 / (least + 1)
+
+
+def test_particles_of_the_vitreous_in_their_own_plane() -> None:
+    """The single plane that RIT §4.1 chose has another pattern of speckles and the same light at each angle."""
+    n = 1024
+    observer = Observer(particles=0, gratings=0, cornea_cells=0)
+    first, later = aperture.planes(observer, Pose(5.0), n)
+    far = np.asarray(diffraction.point_spread(diffraction.through_planes(first, later)), np.float64)
+    near = np.asarray(diffraction.point_spread(first * later[0][0]), np.float64)
+    clear = np.asarray(diffraction.point_spread(first), np.float64)
+    assert np.linalg.norm(far - near) / np.linalg.norm(near) < 0.02
+    away = np.hypot(samples(n)[:, None], samples(n)[None, :])
+    speckles = (away > 60) & (away < 200)
+    assert np.linalg.norm((far - near)[speckles]) > 0.2 * np.linalg.norm(near[speckles])
+    scattered = [(psf - clear)[speckles].sum() for psf in (far, near)]
+    assert scattered[0] == pytest.approx(scattered[1], rel=0.1)

@@ -1,0 +1,231 @@
+"""What accuracy costs in glare: its settings, one at a time off the default, their truth, and the comparison.
+
+The truth is the level `reference`: float64, an FFT of the pupil plane for each of 128 wavelengths, the brightest
+sources summed directly. All images are of the default observer, who looks straight ahead.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable, Iterator, Mapping
+from typing import Any
+
+import msgspec
+import numpy as np
+from jaxtyping import Array, Float
+
+from pipeline.cost.comparison import Row, Setting, compare, worst
+from pipeline.cost.scenes import CostScene, lamps_over_dark, night_street, sun_over_dark
+from pipeline.cost.sun_corner import SunCorner, sun_corner
+from pipeline.effects.glare import Glare, GlareLevel, Sight, scatter
+from pipeline.effects.glare.kernel import Mixture
+from pipeline.effects.glare.models import (
+    GRID,
+    PUPIL_STEP_MM,
+    GlareModel,
+    mixture,
+    reference_kernel,
+    wave_component,
+)
+from pipeline.effects.glare.reference import reference_glare
+from pipeline.frame import Display
+from pipeline.observer import Observer
+from pipeline.optics.aperture import Pose
+from pipeline.optics.light_spectra import WAVELENGTHS
+
+PUPIL_MM = 5.0
+REFERENCE_ROUNDS = 1
+"""The level `reference` takes most of a minute."""
+OBSERVER, DISPLAY = Observer(), Display()
+NO_FIBRES = msgspec.structs.replace(OBSERVER, gratings=0)
+
+GRIDS, COUNTS, PRECISION, PLANES, PUPILS, LEVELS = (
+    "samples along the plane",
+    "wavelengths",
+    "precision",
+    "planes",
+    "pupil",
+    "level",
+)
+NOTES: Mapping[str, str] = {
+    GRIDS: f"Side of the pupil plane's grid. Below {GRID} it cannot resolve the fibres of the lens: there they are "
+    "left out, and the error is what that leaves out. Times: making the kernel, and the level `frame` with it.",
+    COUNTS: "How many wavelengths are scaled from the one FFT at 575 nm; the truth has 128, each with its own FFT. "
+    "Times: making the kernel, and the level `frame` with it.",
+    PRECISION: "Of pupil plane and FFT. Times: making the kernel, and the level `frame` with it.",
+    PLANES: "All parts of the eye in the pupil's plane, as in the truth; or the vitreous where it is, so that this row "
+    "is no error but what the two differ by. Times: making the kernel, and the level `frame` with it.",
+    PUPILS: "Pupils midway between those whose kernels are at hand: two kernels blended, or one made for the very "
+    "pupil. The worst of several pupils, against a kernel in float64 made for the pupil. Level `frame`.",
+    LEVELS: "How much of the function is applied to how much of the frame. Times: with the kernel at hand, "
+    "but `reference` makes its own, with as many wavelengths as the default's, and ran twice.",
+}
+"""What is varied in each group, and what its times hold."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Effort:
+    """How much is measured."""
+
+    scenes: Callable[[], tuple[CostScene, ...]]
+    """The last one has the sun."""
+    grids: tuple[int, ...]
+    """Beside the default's."""
+    counts: tuple[int, ...]
+    """Of wavelengths, beside the default's."""
+    levels: tuple[GlareLevel, ...]
+    truth_count: int
+    """Of the truth's wavelengths."""
+    pupils_mm: tuple[float, ...]
+    rounds: int
+    """Unless others are asked for."""
+
+
+FULL = Effort(
+    scenes=lambda: (night_street(), lamps_over_dark(), sun_over_dark()),
+    grids=(256, 512, 1024, 4096),
+    counts=(4, 8, 16, 64, 128),
+    levels=tuple(GlareLevel),
+    truth_count=128,
+    pupils_mm=tuple(mm + PUPIL_STEP_MM / 2 for mm in range(2, 8)),
+    rounds=7,
+)
+QUICK = Effort(
+    scenes=lambda: (sun_over_dark(shrink=8),),
+    grids=(256,),
+    counts=(8,),
+    levels=(GlareLevel.VEIL, GlareLevel.SOURCES, GlareLevel.WINDOW, GlareLevel.FRAME),
+    truth_count=8,
+    pupils_mm=(PUPIL_MM + PUPIL_STEP_MM / 2,),
+    rounds=2,
+)
+
+
+@dataclasses.dataclass(frozen=True)
+class GlareCost:
+    """All that was measured."""
+
+    rows: list[Row]
+    """Group by group."""
+    corner: SunCorner
+
+
+def steps(effort: Effort, rounds: int) -> int:
+    """How many calls `run` tells of."""
+    of_settings = sum((turns + 1) * len(settings) for settings, turns in _settings(effort, rounds))
+    of_pupils = len(effort.pupils_mm) * (1 + 2 * (_pupil_rounds(effort, rounds) + 1))
+    return len(effort.scenes()) * (1 + of_settings + of_pupils)
+
+
+def run(effort: Effort, rounds: int, done: Callable[[str], None] = lambda label: None) -> GlareCost:
+    """Measures every setting on every scene; `done` is told of each call that has ended."""
+    rows: list[Row] = []
+    for scene in effort.scenes():
+        truth = _truth(scene, effort.truth_count)
+        done("truth")
+        for settings, turns in _settings(effort, rounds):
+            rows += compare(settings, scene, truth, turns, DISPLAY, done)
+        rows += _pupils(effort, scene, rounds, done)
+    order = list(NOTES)
+    rows.sort(key=lambda row: order.index(row.group))
+    kernel = _at_hand(Pose(PUPIL_MM))
+    images = {
+        f"level {level.value}": np.asarray(_image(kernel, level)(scene))
+        for level in (GlareLevel.WINDOW, GlareLevel.FRAME)
+    }
+    (component, _), *_ = kernel(scene)[0]
+    return GlareCost(rows, sun_corner(scene, component, images, truth))
+
+
+Kernel = Callable[[CostScene], tuple[Mixture, Observer, Pose]]
+"""What makes a scene's kernel, and of whose eye in which pose it is."""
+
+
+def _settings(effort: Effort, rounds: int) -> Iterator[tuple[list[Setting], int]]:
+    """The settings that take turns, and for how many rounds: those of one grid, as planes of few grids are kept."""
+    default = f"default: {GRID}², {WAVELENGTHS} wavelengths, float32, one plane"
+    names = {GRIDS: f"{GRID}", COUNTS: f"{WAVELENGTHS}", PRECISION: "float32", PLANES: "one"}
+    pose = Pose(PUPIL_MM)
+    levels = {
+        level: Setting(level.value, {LEVELS: level.value}, _image(_at_hand(pose), level), fresh=False)
+        for level in effort.levels
+    }
+    reference = levels.pop(GlareLevel.REFERENCE, None)
+    yield (
+        [
+            Setting(default, names, _image(_new(OBSERVER, pose))),
+            *(
+                Setting(f"{count} wavelengths", {COUNTS: f"{count}"}, _image(_new(OBSERVER, pose, wavelengths=count)))
+                for count in effort.counts
+            ),
+            Setting("float64", {PRECISION: "float64"}, _image(_new(OBSERVER, pose, double=True))),
+            Setting("vitreous apart", {PLANES: "vitreous apart"}, _image(_new(OBSERVER, pose, multi_plane=True))),
+            *levels.values(),
+        ],
+        rounds,
+    )
+    for grid in effort.grids:
+        fibres = grid >= GRID
+        name = f"{grid}" if fibres else f"{grid}, no fibres"
+        label = f"{grid}²" if fibres else f"{grid}², no fibres"
+        yield [Setting(label, {GRIDS: name}, _image(_new(OBSERVER if fibres else NO_FIBRES, pose, grid=grid)))], rounds
+    if reference is not None:
+        yield [reference], REFERENCE_ROUNDS
+
+
+def _pupils(effort: Effort, scene: CostScene, rounds: int, done: Callable[[str], None]) -> Iterator[Row]:
+    """A kernel blended of two pupils' against one made for the pupil, each at its worst."""
+    rows = []
+    for pupil_mm in effort.pupils_mm:
+        pose = Pose(pupil_mm)
+        truth = np.asarray(_image(_new(OBSERVER, pose, double=True))(scene))
+        done(f"{pupil_mm} mm")
+        pair = [
+            Setting("two pupils blended", {PUPILS: f"blended, {pupil_mm} mm"}, _image(_at_hand(pose)), fresh=False),
+            Setting("made for the pupil", {PUPILS: f"made for it, {pupil_mm} mm"}, _image(_new(OBSERVER, pose))),
+        ]
+        rows += compare(pair, scene, truth, _pupil_rounds(effort, rounds), DISPLAY, done)
+    for label in dict.fromkeys(row.label for row in rows):
+        yield worst([row for row in rows if row.label == label])
+
+
+def _pupil_rounds(effort: Effort, rounds: int) -> int:
+    return -(-rounds // len(effort.pupils_mm))
+
+
+def _truth(scene: CostScene, count: int) -> Float[np.ndarray, "3 y x"]:
+    view = scene.frame.view
+    kernel, veil, share = reference_kernel(OBSERVER, Pose(PUPIL_MM), view.ppd_centre, count)
+    return reference_glare(scene.frame.rgb_cd_m2[0], view, kernel, [(veil, share)])
+
+
+def _image(kernel: Kernel, level: GlareLevel = GlareLevel.FRAME) -> Callable[[CostScene], Float[Array, "3 y x"]]:
+    return lambda scene: _glare(scene, *kernel(scene), level)
+
+
+def _glare(
+    scene: CostScene, kernel: Mixture, observer: Observer, pose: Pose, level: GlareLevel
+) -> Float[Array, "3 y x"]:
+    view = scene.frame.view
+    gaze_px = view.pixel_of(0.0, 0.0)
+    sight = Sight(view, scene.measured, gaze_px, kernel, observer, pose, scene.adapted_cd_m2)
+    return scatter(scene.frame.rgb_cd_m2[0], sight, Glare(level=level))
+
+
+def _new(observer: Observer, pose: Pose, **settings: Any) -> Kernel:
+    """A kernel made anew at every call."""
+
+    def kernel(scene: CostScene) -> tuple[Mixture, Observer, Pose]:
+        return ((wave_component(observer, pose, scene.frame.view.ppd_centre, **settings), 1.0),), observer, pose
+
+    return kernel
+
+
+def _at_hand(pose: Pose) -> Kernel:
+    """The program's own: kept from call to call, and blended between pupils."""
+
+    def kernel(scene: CostScene) -> tuple[Mixture, Observer, Pose]:
+        ppd = scene.frame.view.ppd_centre
+        return mixture(GlareModel.WAVE, OBSERVER, pose, scene.adapted_cd_m2, ppd), OBSERVER, pose
+
+    return kernel

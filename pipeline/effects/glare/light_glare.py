@@ -1,0 +1,88 @@
+"""The glare of lights with spectra of their own: their kernels, and their veil at its exact angles.
+
+Their kernel is always that of wave optics, whatever the frame's own light uses: a formula knows no spectrum.
+"""
+
+from __future__ import annotations
+
+import functools
+import math
+from collections.abc import Sequence
+
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+from numpy.typing import NDArray
+
+from pipeline.effects.glare import models
+from pipeline.effects.glare.kernel import Veil
+from pipeline.effects.glare.lights import SUBPIXELS, LightMixture, PointKernel, draw_lights
+from pipeline.frame import Light, View
+from pipeline.observer import Observer
+from pipeline.optics import light_spectra, whole
+from pipeline.optics.aperture import Pose
+
+STRIDE_PX = 8
+"""The veil of a light is computed at every eighth pixel and linear between. Engineering choice: under a degree."""
+
+
+def add_lights(
+    onto: Float[Array, "3 y x"], lights: Sequence[Light], view: View, observer: Observer, pose: Pose
+) -> Float[Array, "3 y x"]:
+    """A frame in cd/m² with its lights and all their glare, of lights beyond its edges too."""
+
+    def kernel_of(spectrum: str) -> LightMixture:
+        if pose.lens_m is not None:
+            return ((_point_kernel(observer, pose, view.ppd_centre, spectrum), 1.0),)
+        return ((_kept_kernel(observer, pose, view.ppd_centre, spectrum), 1.0),)
+
+    image = draw_lights(onto, lights, view, kernel_of)
+    return image + jnp.asarray(_veil(lights, view, models.cie_veil(observer)), jnp.float32)
+
+
+def _point_kernel(observer: Observer, pose: Pose, pixels_per_deg: float, spectrum: str) -> PointKernel:
+    nm, weights = light_spectra.light_weights(spectrum)
+    psf = models.monochromatic(observer, pose)
+    kernel, share = whole.wave_kernel(
+        psf, nm, weights, pixels_per_deg * SUBPIXELS, *models.cie_veil(observer).parameters
+    )
+    middle = kernel.shape[-1] // 2
+    # What the flat kernel's sum lacks, or has too much of.
+    kernel[:, middle, middle] += weights.sum(axis=0) * (1 - share) - kernel.sum(axis=(1, 2))
+    return PointKernel(kernel)
+
+
+_kept_kernel = functools.lru_cache(maxsize=4)(_point_kernel)
+
+
+def _veil(lights: Sequence[Light], view: View, veil: Veil) -> NDArray[np.float64]:
+    """What lights scatter beyond their kernels: a point's illuminance times the density per steradian is luminance."""
+    down, right = (_stations(size) for size in (view.height_px, view.width_px))
+    v, u = np.meshgrid(
+        (down - view.height_px / 2) / view.focal_px, (right - view.width_px / 2) / view.focal_px, indexing="ij"
+    )
+    directions = np.stack([u, -v, np.ones_like(u)]) / np.sqrt(1 + u * u + v * v)
+    low = np.zeros((3, len(down), len(right)))
+    for light in lights:
+        azimuth, elevation = math.radians(light.azimuth_deg), math.radians(light.elevation_deg)
+        towards = (
+            math.sin(azimuth) * math.cos(elevation),
+            math.sin(elevation),
+            math.cos(azimuth) * math.cos(elevation),
+        )
+        deg = np.degrees(np.arccos(np.clip(np.tensordot(towards, directions, 1), -1, 1)))
+        colour = light_spectra.light_weights(light.spectrum)[1].sum(axis=0)
+        low += colour[:, None, None] * light.illuminance_lx * np.where(deg <= 90, veil.density(deg), 0)
+    rows, columns = (_linear(at, size) for at, size in ((down, view.height_px), (right, view.width_px)))
+    return np.asarray(rows @ low @ columns.T)
+
+
+def _stations(size: int) -> NDArray[np.float64]:
+    """Places from the first pixel's centre to the last one's."""
+    return np.linspace(0.5, size - 0.5, -(-size // STRIDE_PX) + 1)
+
+
+def _linear(at: NDArray[np.float64], size: int) -> NDArray[np.float64]:
+    """Weights (pixel, station) of linear interpolation."""
+    place = np.arange(size) + 0.5
+    return np.stack([np.interp(place, at, unit) for unit in np.eye(len(at))], axis=1)

@@ -1,0 +1,228 @@
+"""Glare of all light in a window around the gaze, or of the whole frame, by FFT.
+
+The window is LUI's (§5.2.3): an FFT of 1024 pixels on a display of 1440 px over 104°, 42° to either side in the middle
+of the view; the same angle on other displays. Light scatters in full within half the window's reach of the gaze and
+less and less further out. The falloff weighs the light that is scattered, not the result: no light is lost or made, and
+a lamp that crosses the window's edge has no glare there to jump.
+
+The window needs no padding: light scatters up to its reach, lands up to one kernel's radius further, and there the
+window ends. What wraps round lands in the window outside the square that light can land in, and is dropped.
+
+**Rounding.** An FFT spreads its rounding, a share of the brightest light, over everything it covers: in float32 the sun
+would veil the darkest corner with noise. So of a frame that holds light too bright for that, what lies above the limit
+is laid down pixel by pixel; and where that is too many pixels, all light is transformed in float64.
+
+Both are instant: a frame depends on no other.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+import math
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import scipy.fft
+from jaxtyping import Array, Complex, Float
+
+from pipeline.effects.glare import convolve, stamp
+from pipeline.effects.glare.kernel import Mixture
+from pipeline.frame import View
+from pipeline.measure import Measurement, luminance
+
+WINDOW_PX = 1024
+"""Side of the gaze window's FFT on LUI's display (LUI §5.2.3)."""
+WINDOW_FOCAL_PX = 720 / math.tan(math.radians(52))
+"""That display's focal length: 1440 px over 104°."""
+
+ROUNDING = 1e-9
+"""Largest rounding of a float32 convolution where it should be 0, as a share of the light's brightest pixel. Measured
+in 1024²: 4e-11·√n for n lit pixels; many more than 600 of them have a veil that drowns it."""
+UNSEEN_CD_M2, UNSEEN_SHARE = 1e-5, 1e-4
+"""Noise that no eye sees: in cd/m², and as a share of the luminance that half the frame has. Engineering choice: below
+the absolute threshold of rods, and a hundredth of the least contrast that is seen."""
+MOST_LAID_DOWN = 256
+"""Pixels laid down at most. Engineering choice: more take longer than transforming all light in float64."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Window:
+    """The part of a frame that is convolved, and the FFT that holds it."""
+
+    rows: int
+    columns: int
+    fft_rows: int
+    fft_columns: int
+    reach_px: float
+    """How far from the gaze light still scatters; infinite for a whole frame."""
+    lands_px: float
+    """Half the square around the gaze that it can land in."""
+    radius_px: int
+
+
+def window_of(view: View, radius_px: int) -> Window:
+    """The gaze window of a kernel of this radius."""
+    # Never less than two radii either side of the gaze: a frame of a few pixels has a window too.
+    side = scipy.fft.next_fast_len(max(round(WINDOW_PX * view.focal_px / WINDOW_FOCAL_PX), 4 * radius_px))
+    rows, columns = min(view.height_px, side), min(view.width_px, side)
+    whole = frame_window(view, radius_px)
+    return Window(
+        rows,
+        columns,
+        min(side, whole.fft_rows),
+        min(side, whole.fft_columns),
+        side / 2 - radius_px,
+        side / 2,
+        radius_px,
+    )
+
+
+def frame_window(view: View, radius_px: int) -> Window:
+    """The whole frame, padded by a kernel's radius or by what of it reaches from one edge to the other."""
+    rows, columns = view.height_px, view.width_px
+    return Window(
+        rows,
+        columns,
+        scipy.fft.next_fast_len(rows + min(radius_px, rows - 1)),
+        scipy.fft.next_fast_len(columns + min(radius_px, columns - 1)),
+        math.inf,
+        math.inf,
+        radius_px,
+    )
+
+
+def glare_window(
+    rgb: Float[Array, "3 y x"],
+    view: View,
+    mixture: Mixture,
+    gaze_px: tuple[float, float],
+    measured: Measurement,
+    *,
+    ceiling_cd_m2: float | None = None,
+    onto: Float[Array, "3 y x"] | None = None,
+) -> Float[Array, "3 y x"]:
+    """A frame in cd/m² with what a kernel makes of the light in the window around the gaze (x, y) px.
+
+    The gaze may lie anywhere. Above a `ceiling_cd_m2`, only the light above it spreads. The change is added to `onto`,
+    whose memory the result takes over; to a copy of the frame if None.
+    """
+    return _glare(rgb, view, mixture, window_of(view, _radius(mixture)), gaze_px, measured, ceiling_cd_m2, onto)
+
+
+def glare_frame(
+    rgb: Float[Array, "3 y x"],
+    view: View,
+    mixture: Mixture,
+    measured: Measurement,
+    *,
+    ceiling_cd_m2: float | None = None,
+    onto: Float[Array, "3 y x"] | None = None,
+) -> Float[Array, "3 y x"]:
+    """A frame in cd/m² with what a kernel makes of all its light, wherever the eye looks; as glare_window."""
+    whole = frame_window(view, _radius(mixture))
+    return _glare(rgb, view, mixture, whole, (0.0, 0.0), measured, ceiling_cd_m2, onto)
+
+
+def _radius(mixture: Mixture) -> int:
+    return mixture[0][0].scatters.shape[2] // 2
+
+
+def _glare(
+    rgb: Float[Array, "3 y x"],
+    view: View,
+    mixture: Mixture,
+    window: Window,
+    gaze_px: tuple[float, float],
+    measured: Measurement,
+    ceiling_cd_m2: float | None,
+    onto: Float[Array, "3 y x"] | None,
+) -> Float[Array, "3 y x"]:
+    limit_cd_m2 = float32_limit_cd_m2(measured)
+    dtype: convolve.Precision = "float32"
+    above = None
+    if measured.max_cd_m2 > limit_cd_m2:
+        at, light = stamp.bright_pixels(rgb, limit_cd_m2)
+        if len(at) > MOST_LAID_DOWN:
+            dtype = "float64"
+        else:
+            above = np.float32(limit_cd_m2)
+    corner = (_corner(gaze_px[1], window.rows, view.height_px), _corner(gaze_px[0], window.columns, view.width_px))
+    reach = window.rows - 1, window.columns - 1
+    size = window.fft_rows, window.fft_columns
+    arguments = (
+        rgb,
+        tuple(convolve.transform(component, *size, reach, dtype) for component, _ in mixture),
+        convolve.weights(mixture, dtype),
+        convolve.staying(mixture).astype(dtype),
+        np.array([gaze_px[1], gaze_px[0]], np.float32),
+        corner,
+        None if ceiling_cd_m2 is None else np.float32(ceiling_cd_m2),
+        above,
+    )
+    result = _onto_itself(*arguments, window=window) if onto is None else _onto(onto, *arguments, window=window)
+    if above is None:
+        return result
+    away_px = np.hypot(at[:, 0] + 0.5 - gaze_px[1], at[:, 1] + 0.5 - gaze_px[0])
+    share = falloff(away_px / window.reach_px)
+    if ceiling_cd_m2 is not None:
+        share = share * convolve.spill_share(stamp.luminances(light), ceiling_cd_m2)
+    scatters = share > 0
+    return stamp.lay_down(result, at[scatters], (light * share[:, None])[scatters].astype(np.float32), mixture)
+
+
+def float32_limit_cd_m2(measured: Measurement) -> float:
+    """The luminance up to which light may be convolved in float32."""
+    typical_cd_m2 = float(np.median(measured.tile_mean_cd_m2))
+    return max(UNSEEN_CD_M2, UNSEEN_SHARE * typical_cd_m2) / ROUNDING
+
+
+def _corner(gaze_px: float, side_px: int, frame_px: int) -> int:
+    return round(min(max(gaze_px - side_px / 2, 0), frame_px - side_px))
+
+
+def _convolve(
+    onto: Float[Array, "3 y x"],
+    rgb: Float[Array, "3 y x"],
+    transforms: tuple[Complex[Array, "o i u v"], ...],
+    weights: Float[Array, "n"],
+    staying: Float[Array, "3 3"],
+    gaze_yx: Float[Array, "2"],
+    corner: tuple[int, int],
+    ceiling_cd_m2: float | None,
+    above_cd_m2: float | None,
+    window: Window,
+) -> Float[Array, "3 y x"]:
+    start = (0, *corner)
+    size = (3, window.rows, window.columns)
+    light = jax.lax.dynamic_slice(rgb, start, size)
+    dy = jnp.arange(window.rows, dtype=jnp.float32) + 0.5 + (corner[0] - gaze_yx[0])
+    dx = jnp.arange(window.columns, dtype=jnp.float32) + 0.5 + (corner[1] - gaze_yx[1])
+    if ceiling_cd_m2 is not None:
+        light = light * convolve.spill_share(luminance(light), ceiling_cd_m2)
+    if above_cd_m2 is not None:
+        light = jnp.where(luminance(jax.lax.dynamic_slice(rgb, start, size)) > above_cd_m2, 0, light)
+    if math.isfinite(window.reach_px):
+        light = light * falloff(jnp.sqrt(dy[:, None] ** 2 + dx[None, :] ** 2) / np.float32(window.reach_px))
+    light = light.astype(staying.dtype)
+    arrives = convolve.spread(light, transforms, weights, window.fft_columns)[:, : window.rows, : window.columns]
+    lands = (jnp.abs(dy) < window.lands_px)[:, None] & (jnp.abs(dx) < window.lands_px)[None, :]
+    change = convolve.through(staying[:, :, None, None], light) + jnp.where(lands, arrives, 0)
+    now = jax.lax.dynamic_slice(onto, start, size)
+    return jax.lax.dynamic_update_slice(onto, (now + change).astype(jnp.float32), start)
+
+
+_onto = jax.jit(_convolve, static_argnames="window", donate_argnames="onto")
+
+
+@functools.partial(jax.jit, static_argnames="window")
+def _onto_itself(rgb: Float[Array, "3 y x"], *arguments: Any, **window: Window) -> Float[Array, "3 y x"]:
+    return _convolve(rgb, rgb, *arguments, **window)
+
+
+def falloff(share_of_reach: convolve.Values) -> convolve.Values:
+    """1 within half the reach, 0 from the reach on, a smooth step in between."""
+    position = (2 - 2 * share_of_reach).clip(0, 1)
+    return position * position * (3 - 2 * position)

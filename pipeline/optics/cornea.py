@@ -1,0 +1,23 @@
+"""The cornea: its few flat cells between the clear fibrils, which scatter and never move (RIT §3.1)."""
+
+from __future__ import annotations
+
+import numpy as np
+from jaxtyping import Float
+
+from pipeline.observer import Observer
+from pipeline.optics import coverage
+
+CELL_M = 15e-6
+"""Diameter of a flat cell (RIT §3.1)."""
+STREAM = 1
+"""Which random stream is the cornea's, so that no other part changes it."""
+
+
+def shade(transmittance: Float[np.ndarray, "n n"], dx_m: float, observer: Observer) -> None:
+    """Puts the cells before the plane, in place: opaque discs, uniformly over the plane's inscribed disc."""
+    random = np.random.default_rng([observer.seed, STREAM])
+    distance_m = coverage.PLANE_M / 2 * np.sqrt(random.random(observer.cornea_cells))
+    azimuth = random.random(observer.cornea_cells) * 2 * np.pi
+    radius_m = np.full(observer.cornea_cells, CELL_M / 2)
+    coverage.shade_discs(transmittance, dx_m, distance_m * np.cos(azimuth), distance_m * np.sin(azimuth), radius_m)

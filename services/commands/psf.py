@@ -1,0 +1,95 @@
+"""`entoptic psf`: one person's eye as light."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.markup import escape
+
+from services.options import SettingsFile
+from services.process import prepare_jax
+from services.terminal import console
+
+
+def psf(
+    out: Annotated[Path, typer.Option(help="Folder for the results.")] = Path("psf"),
+    pupil_mm: Annotated[float, typer.Option(min=2, max=8, help="Pupil diameter.")] = 5.0,
+    age: Annotated[float | None, typer.Option(min=1, max=120, help="Years.")] = None,
+    iris: Annotated[str | None, typer.Option(metavar="dark|brown|green|blue", help="Colour of the iris.")] = None,
+    particles: Annotated[
+        int | None, typer.Option(min=0, max=20000, help="Particles of the lens; their number grows with age.")
+    ] = None,
+    particle_mm: Annotated[float | None, typer.Option(min=0.005, max=0.5, help="Their diameter.")] = None,
+    gratings: Annotated[
+        int | None, typer.Option(min=0, max=2000, help="Patches of lens fibres, which make the halo.")
+    ] = None,
+    cornea_cells: Annotated[
+        int | None, typer.Option(min=0, max=20000, help="Cells of the cornea that scatter.")
+    ] = None,
+    vitreous_particles: Annotated[int | None, typer.Option(min=0, max=20000, help="Particles of the vitreous.")] = None,
+    lashes: Annotated[
+        bool | None, typer.Option("--lashes/--no-lashes", help="Whether lashes hang before the pupil.")
+    ] = None,
+    openness: Annotated[float, typer.Option(min=0, max=1, help="How far the lids are open.")] = 1.0,
+    defocus: Annotated[float | None, typer.Option(metavar="D", min=-8, max=8, help="Dioptres out of focus.")] = None,
+    seed: Annotated[int | None, typer.Option(min=0, help="Which of all eyes with these settings.")] = None,
+    settings: SettingsFile = None,
+    spectrum: Annotated[
+        str,
+        typer.Option(
+            metavar="NAME|CSV",
+            help="The light: [b]D65[/b], E, A, LED-B3, LED-KRI and the like, or a CSV file nm,value.",
+        ),
+    ] = "D65",
+    wavelengths: Annotated[
+        int, typer.Option(min=4, max=128, help="How many are summed; 60 leave no steps (KRI Fig 6.8).")
+    ] = 64,
+    model: Annotated[
+        str | None, typer.Option(metavar="wave|spe|cie|ijspeert", help="Which point-spread function.")
+    ] = None,
+    adaptation: Annotated[
+        float, typer.Option(metavar="CD_M2", min=1e-6, max=1e6, help="Luminance the eye is adapted to, for spe.")
+    ] = 0.01,
+    field_deg: Annotated[float, typer.Option(min=0.05, max=60, help="Width of the picture.")] = 9.0,
+    size_px: Annotated[int, typer.Option(min=101, max=2001, help="Its pixels; an even number is taken one up.")] = 721,
+    sheets: Annotated[
+        bool, typer.Option("--sheets", help="Also pictures side by side: pupils, ages, spectra …; minutes.")
+    ] = False,
+    film: Annotated[
+        float | None, typer.Option(metavar="SECONDS", min=0.05, max=60, help="Also a film of the living eye.")
+    ] = None,
+    save_observer: Annotated[
+        Path | None,
+        typer.Option(metavar="TOML", help="Write this eye as settings, which every command takes by --settings."),
+    ] = None,
+) -> None:
+    """Show what one person's eye makes of a point of light: pictures, profiles, tables."""
+    prepare_jax()
+    from pipeline.optics.aperture import Pose
+    from services.psf import observer_file, results
+    from services.psf.subject import Subject
+    from services.settings import load
+
+    changes = {
+        "age_years": age,
+        "iris": iris,
+        "particles": particles,
+        "particle_mm": particle_mm,
+        "gratings": gratings,
+        "cornea_cells": cornea_cells,
+        "vitreous_particles": vitreous_particles,
+        "defocus_d": defocus,
+        "seed": seed,
+    }
+    tuned = observer_file.tuned(load(settings), changes, lashes=lashes, model=model)
+    if save_observer is not None:
+        observer_file.refuse_unwritable(save_observer)
+    observer = tuned.observer
+    pose = Pose(pupil_mm, observer.defocus_d, openness, observer.living.lashes)
+    subject = Subject(observer, pose, tuned.glare.model, adaptation, spectrum, wavelengths)
+    results.run(subject, results.Wanted(size_px, field_deg, sheets, film), out, console)
+    if save_observer is not None:
+        observer_file.write(save_observer, tuned)
+        console.print(f"wrote [b]{escape(str(save_observer))}[/b]: use it with --settings", soft_wrap=True)

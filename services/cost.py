@@ -1,0 +1,122 @@
+"""What accuracy costs in time, as tables and plots in a folder that is there when it is whole."""
+
+from __future__ import annotations
+
+import contextlib
+import csv
+import shutil
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+
+from pipeline.cost.comparison import Row
+from pipeline.cost.sun_corner import SunCorner
+from pipeline.frame import FrameError
+from services import cost_plots
+
+TABLE, TEXT, CORNER_TABLE, CORNER_PLOT = "cost-glare.csv", "cost-glare.md", "sun-corner.csv", "sun-corner.png"
+COLUMNS = (
+    "group",
+    "setting",
+    "scene",
+    "relative_l2",
+    "worst_cd_m2",
+    "worst_x_px",
+    "worst_y_px",
+    "delta_e_itp_mean",
+    "delta_e_itp_p95",
+    "first_ms",
+    "median_ms",
+    "lower_quartile_ms",
+    "upper_quartile_ms",
+    "rounds",
+)
+
+
+@contextlib.contextmanager
+def results_folder(out: Path) -> Iterator[Path]:
+    """A folder to write into that becomes `out` when all is well and vanishes when not.
+
+    An `out` that holds earlier tables is replaced. Raises FrameError if it holds anything else or cannot be written.
+    """
+    if out.exists() and (not out.is_dir() or (any(out.iterdir()) and not (out / TABLE).exists())):
+        raise FrameError(f"{out} holds something that is no such table: choose another --out, or move it away")
+    partial = out.with_name(out.name + ".partial")
+    shutil.rmtree(partial, ignore_errors=True)
+    try:
+        partial.mkdir(parents=True)
+    except OSError as error:
+        raise FrameError(f"cannot make {partial}: {error.strerror}; choose another --out") from None
+    try:
+        yield partial
+        if out.exists():
+            shutil.rmtree(out)
+        partial.rename(out)
+    except OSError as error:
+        raise FrameError(f"{out} cannot be written: {error.strerror}; choose another --out") from None
+    finally:
+        shutil.rmtree(partial, ignore_errors=True)
+
+
+def write(folder: Path, rows: Sequence[Row], corner: SunCorner, notes: Mapping[str, str]) -> str:
+    """Writes tables and plots, and gives the tables as Markdown; `notes` says what is varied in each group."""
+    with (folder / TABLE).open("w", encoding="utf-8", newline="") as stream:
+        writer = csv.writer(stream, lineterminator="\n")
+        writer.writerow(COLUMNS)
+        writer.writerows(_cells(row) for row in rows)
+    text = "\n".join(
+        _section(group, note, [row for row in rows if row.group == group]) for group, note in notes.items()
+    )
+    (folder / TEXT).write_text(text, encoding="utf-8")
+    for scene in dict.fromkeys(row.scene for row in rows):
+        name = f"cost-glare-{scene.replace(' ', '-')}.png"
+        cost_plots.error_over_time(folder / name, [row for row in rows if row.scene == scene], scene)
+    _write_corner(folder / CORNER_TABLE, corner)
+    cost_plots.sun_corner(folder / CORNER_PLOT, corner)
+    return text
+
+
+def _cells(row: Row) -> list[object]:
+    errors, times = row.errors, row.times
+    milliseconds = (times.first_ms, times.median_ms, *times.middle_half_ms)
+    return [
+        row.group,
+        row.setting,
+        row.scene,
+        f"{errors.relative_l2:.4g}",
+        f"{errors.worst_cd_m2:.4g}",
+        errors.worst_x_px,
+        errors.worst_y_px,
+        f"{errors.delta_e_mean:.4g}",
+        f"{errors.delta_e_p95:.4g}",
+        *(f"{value:.2f}" for value in milliseconds),
+        len(times.steady_ms),
+    ]
+
+
+def _section(group: str, note: str, rows: Sequence[Row]) -> str:
+    lines = [
+        f"### {group}",
+        "",
+        note,
+        "",
+        "| setting | scene | relative L2 | worst cd/m² (at x, y px) | ΔE ITP mean | 95 % below | first ms | median ms "
+        "| middle half |",
+        "|---|---|---:|---:|---:|---:|---:|---:|---:|",
+    ]
+    for row in rows:
+        errors, times = row.errors, row.times
+        low, high = times.middle_half_ms
+        lines.append(
+            f"| {row.setting} | {row.scene} | {errors.relative_l2:.2g} | {errors.worst_cd_m2:.2g} "
+            f"({errors.worst_x_px}, {errors.worst_y_px}) | {errors.delta_e_mean:.2g} | {errors.delta_e_p95:.2g} "
+            f"| {times.first_ms:.0f} | {times.median_ms:.1f} | {low:.1f}–{high:.1f} |"
+        )
+    return "\n".join([*lines, ""])
+
+
+def _write_corner(path: Path, corner: SunCorner) -> None:
+    with path.open("w", encoding="utf-8", newline="") as stream:
+        writer = csv.writer(stream, lineterminator="\n")
+        writer.writerow(["from_sun_deg", "truth_cd_m2", *(f"{name}_error_p95_cd_m2" for name in corner.error_cd_m2)])
+        for deg, truth, *errors in zip(corner.deg, corner.truth_cd_m2, *corner.error_cd_m2.values(), strict=True):
+            writer.writerow([f"{deg:.2f}", *(f"{value:.4g}" for value in (truth, *errors))])

@@ -1,0 +1,129 @@
+"""All that `entoptic psf` writes and prints."""
+
+from __future__ import annotations
+
+import contextlib
+import dataclasses
+import shutil
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+from rich.console import Console
+from rich.markup import escape
+from rich.progress import Progress
+from rich.table import Table
+
+from pipeline.effects.glare.models import GRID, GlareModel
+from pipeline.frame import FrameError
+from pipeline.optics.aperture import pupil_plane
+from services.psf import film, layout, plots, profile
+from services.psf.picture import SCALE, displayed, radiance
+from services.psf.sheets import SHEETS
+from services.psf.subject import Subject
+
+
+@dataclasses.dataclass(frozen=True)
+class Wanted:
+    """What is to be written."""
+
+    size_px: int
+    field_deg: float
+    sheets: bool
+    film_s: float | None
+
+
+def run(subject: Subject, wanted: Wanted, out: Path, console: Console) -> None:
+    """Writes everything into a folder, whole or not at all, and prints what was measured.
+
+    Raises FrameError if the folder cannot be written, OpticsError for an eye or a light that cannot be shown.
+    """
+    began = time.perf_counter()
+    # Refused before anything is computed or written.
+    subject.light()
+    waves = dataclasses.replace(subject, model=GlareModel.WAVE)
+    with whole_folder(out) as folder:
+        _write_eye(subject, wanted, folder, console)
+        if wanted.sheets:
+            _write_sheets(waves, folder, console)
+        if wanted.film_s is not None:
+            with Progress(console=console) as progress:
+                task = progress.add_task("film")
+                film.write(
+                    folder, waves, wanted.film_s, lambda done, of: progress.update(task, completed=done, total=of)
+                )
+        names = sorted(path.name for path in folder.iterdir())
+    elapsed_s = time.perf_counter() - began
+    console.print(f"wrote [b]{escape(str(out))}[/b] in {elapsed_s:.1f} s: {', '.join(names)}", soft_wrap=True)
+
+
+def _write_eye(subject: Subject, wanted: Wanted, folder: Path, console: Console) -> None:
+    size_px = wanted.size_px | 1
+    words = captions(subject)
+    image = displayed(radiance(subject, size_px, wanted.field_deg))
+    scale = f"{wanted.field_deg:g}° wide · lightness: {SCALE}, rings: degrees from the light"
+    plots.write_psf(folder / "psf.png", image, wanted.field_deg, SCALE, [*words, scale])
+    plane = np.asarray(pupil_plane(subject.observer, subject.pose, GRID))
+    plots.write_pupil_plane(folder / "pupil_plane.png", plane, words)
+    profile.write_tables(subject, folder)
+    cie, ijspeert = (dataclasses.replace(subject, model=model) for model in (GlareModel.CIE, GlareModel.IJSPEERT))
+    lines = {subject.model: subject, GlareModel.CIE: cie, GlareModel.IJSPEERT: ijspeert}
+    functions = [(_NAMES[model], profile.luminous(one)) for model, one in lines.items()]
+    plots.write_profiles(folder / "profiles.png", functions, " · ".join(words))
+    table = Table("angle", *(f"{deg:g}°" for deg in profile.RATIOS_DEG))
+    row = [f"{ratio:.2f}" for ratio in profile.ratios(subject, cie)]
+    table.add_row(f"{subject.model.value}/CIE 135, luminous, ring ± 5 %", *row)
+    console.print(table)
+
+
+_NAMES = {
+    GlareModel.WAVE: "wave optics, CIE 135 beyond",
+    GlareModel.SPE: "Spencer 1995",
+    GlareModel.CIE: "CIE 135",
+    GlareModel.IJSPEERT: "IJspeert 1993",
+}
+
+
+def _write_sheets(subject: Subject, folder: Path, console: Console) -> None:
+    with Progress(console=console) as progress:
+        for name, make in progress.track(SHEETS.items(), description="sheets"):
+            layout.write(folder / f"sheet_{name}.jpg", make(subject))
+
+
+def captions(subject: Subject) -> list[str]:
+    """What was shown, in two lines."""
+    eye, pose = subject.observer, subject.pose
+    first = f"pupil {pose.pupil_mm:g} mm · {eye.age_years:g} years, {eye.iris.value} iris"
+    first += f" · light {Path(subject.spectrum).stem} at {subject.wavelengths} wavelengths"
+    if pose.defocus_d:
+        first += f" · defocus {pose.defocus_d:+g} D"
+    if pose.openness < 1 or pose.lashes:
+        first += f" · lids {pose.openness:.0%} open{', lashes' if pose.lashes else ''}"
+    if subject.model is not GlareModel.WAVE:
+        return [first, _NAMES[subject.model]]
+    second = f"{eye.particles} particles of {eye.particle_mm * 1e3:g} µm · {eye.gratings} gratings"
+    second += f" · {eye.cornea_cells} cornea cells · {eye.vitreous_particles} vitreous particles · seed {eye.seed}"
+    return [first, second]
+
+
+@contextlib.contextmanager
+def whole_folder(out: Path) -> Iterator[Path]:
+    """A folder to write into whose files move into `out` when all is well; else they vanish and `out` stays as it was.
+
+    Files in `out` with other names are left alone. Raises FrameError if `out` cannot be a folder.
+    """
+    partial = out.with_name(out.name + ".partial")
+    try:
+        if out.exists() and not out.is_dir():
+            raise FrameError(f"--out {out} is a file; name a folder")
+        shutil.rmtree(partial, ignore_errors=True)
+        partial.mkdir(parents=True)
+        yield partial
+        out.mkdir(exist_ok=True)
+        for path in sorted(partial.iterdir()):
+            path.replace(out / path.name)
+    except OSError as error:
+        raise FrameError(f"--out {out} cannot be written ({error.strerror}); choose another folder") from None
+    finally:
+        shutil.rmtree(partial, ignore_errors=True)

@@ -1,0 +1,92 @@
+"""Whose eye, how it stands, and the light it looks at."""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+
+import numpy as np
+from jaxtyping import Array, Complex
+from numpy.typing import NDArray
+
+from pipeline.effects.glare.models import GRID, GlareModel
+from pipeline.frame import LUMINANCE_WEIGHTS
+from pipeline.observer import Observer
+from pipeline.optics import analytic, diffraction, light_spectra, spectrum, whole
+from pipeline.optics.aperture import Pose, pupil_plane
+
+Angles = NDArray[np.float64]
+
+
+@dataclasses.dataclass(frozen=True)
+class Subject:
+    """A point of light, and the eye that looks at it."""
+
+    observer: Observer
+    pose: Pose
+    model: GlareModel = GlareModel.WAVE
+    adapted_cd_m2: float = 0.01
+    """Adaptation, for SPE alone."""
+    spectrum: str = "D65"
+    """Name of the light's spectrum or a CSV file of it (light_spectra.py)."""
+    wavelengths: int = light_spectra.WAVELENGTHS
+
+    @property
+    def pigmentation(self) -> float:
+        """CIE 135's factor p of this iris."""
+        return analytic.PIGMENTATION[self.observer.iris]
+
+    def light(self) -> tuple[Angles, Angles]:
+        """Wavelengths in nm, and the linear RGB that each contributes to the light (wavelength, 3), luminance 1."""
+        nm, rgb = light_spectra.light_weights(self.spectrum, self.wavelengths)
+        return nm, rgb
+
+    def luminous(self) -> tuple[Angles, Angles]:
+        """Wavelengths in nm, and the share of the light's luminance that each makes."""
+        nm, rgb = self.light()
+        luminance = rgb @ np.array(LUMINANCE_WEIGHTS)
+        return nm, luminance / luminance.sum()
+
+    def core(self) -> NDArray[np.float64]:
+        """Wave optics of this eye at 575 nm, tapered to its round field, sum 1."""
+        # A deformed lens is an array, by which nothing can be found again.
+        of = _kept_core if self.pose.lens_m is None else _tapered_core
+        return of(self.observer, self.pose)
+
+    def formula(self, deg: Angles, nm: float) -> Angles:
+        """The model's density in sr⁻¹ at a wavelength; for the wave model, what lies beyond the core's field."""
+        age = self.observer.age_years
+        match self.model:
+            case GlareModel.WAVE:
+                far = whole.veil_part(deg)
+                beyond = whole.beyond_field(deg, nm, GRID) * (1 - far) + far
+                return analytic.cie135(deg, age, self.pigmentation) * beyond
+            case GlareModel.CIE:
+                return analytic.cie135(deg, age, self.pigmentation)
+            case GlareModel.IJSPEERT:
+                straylight = analytic.STRAYLIGHT[self.observer.iris]
+                return analytic.ijspeert(deg, self.pose.diameter_m * 1e3, age, straylight)
+            case GlareModel.SPE:
+                return analytic.spe(deg, self.adapted_cd_m2, age, nm)
+
+    def core_share(self, nm: float) -> float:
+        """How much of a wavelength's light wave optics accounts for."""
+        if self.model is not GlareModel.WAVE:
+            return 0.0
+        return whole.shares(nm, GRID, self.observer.age_years, self.pigmentation)[0]
+
+
+def field(observer: Observer, pose: Pose) -> Complex[Array, "n n"]:
+    """The light behind this eye's pupil at 575 nm."""
+    plane = pupil_plane(observer, pose, GRID)
+    if not pose.defocus_d:
+        return plane
+    return plane * diffraction.defocus(GRID, pose.defocus_d, pose.diameter_m, diffraction.WAVELENGTH_NM)
+
+
+def _tapered_core(observer: Observer, pose: Pose) -> NDArray[np.float64]:
+    psf = np.asarray(diffraction.point_spread(field(observer, pose)), np.float64)
+    return np.asarray(spectrum.tapered(psf / psf.sum(), whole.FIELD_TAPER), np.float64)
+
+
+_kept_core = functools.lru_cache(maxsize=2)(_tapered_core)

@@ -1,0 +1,147 @@
+"""What accuracy costs in time, as files."""
+
+from __future__ import annotations
+
+import csv
+import itertools
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+from matplotlib.figure import Figure
+from typer.testing import CliRunner
+
+from pipeline.cost import glare
+from pipeline.cost.comparison import Row
+from pipeline.cost.errors import Errors
+from pipeline.cost.glare import LEVELS, NOTES
+from pipeline.cost.sun_corner import SunCorner
+from pipeline.cost.timing import Times
+from pipeline.frame import FrameError
+from services import cost, cost_plots
+from services.commands.cost import cost as command
+
+SCENES = ("night street", "lamps over dark", "sun over dark")
+CORNER = SunCorner(np.array([1.5, 2.5]), np.array([10.0, 2.0]), {"plain": np.array([4.0, 4.0])}, 1e-3)
+
+
+def row(group: str, label: str, scene: str, error: float, milliseconds: float, *, fresh: bool = True) -> Row:
+    errors = Errors(error, -2 * error, 3, 4, error / 2, error)
+    return Row(group, label, label, scene, fresh, errors, Times(9 * milliseconds, milliseconds * np.arange(1.0, 4.0)))
+
+
+def made_up() -> list[Row]:
+    labels = itertools.product(NOTES, ("some long name of a setting", "another", "a third one"), SCENES)
+    random = np.random.default_rng(1)
+    values = random.uniform(1, 1.3, (len(NOTES) * 9, 2)).tolist()
+    return [
+        row(group, f"{label}, {group}", scene, error * 1e-3, milliseconds * 100)
+        for (group, label, scene), (error, milliseconds) in zip(labels, values, strict=True)
+    ]
+
+
+class TestFiles:
+    def test_every_row_is_a_line_and_every_group_a_table(self, tmp_path: Path) -> None:
+        rows = made_up()
+        text = cost.write(tmp_path, rows, CORNER, NOTES)
+        lines = list(csv.DictReader((tmp_path / "cost-glare.csv").open(encoding="utf-8")))
+        assert [(line["group"], line["setting"], line["scene"]) for line in lines] == [
+            (each.group, each.setting, each.scene) for each in rows
+        ]
+        for line, each in zip(lines, rows, strict=True):
+            assert float(line["relative_l2"]) == pytest.approx(each.errors.relative_l2, rel=1e-3)
+            assert float(line["worst_cd_m2"]) == pytest.approx(each.errors.worst_cd_m2, rel=1e-3)
+            assert (line["worst_x_px"], line["worst_y_px"], line["rounds"]) == ("3", "4", "3")
+            assert float(line["first_ms"]) > float(line["upper_quartile_ms"]) > float(line["median_ms"])
+            assert float(line["median_ms"]) > float(line["lower_quartile_ms"])
+        assert text == (tmp_path / "cost-glare.md").read_text(encoding="utf-8")
+        assert [line[4:] for line in text.splitlines() if line.startswith("### ")] == list(NOTES)
+        assert sum(line.startswith("| ") for line in text.splitlines()) == len(rows) + len(NOTES)
+        corner = list(csv.DictReader((tmp_path / "sun-corner.csv").open(encoding="utf-8")))
+        assert [float(line["plain_error_p95_cd_m2"]) for line in corner] == [4, 4]
+
+    def test_plots_are_small_pictures(self, tmp_path: Path) -> None:
+        cost.write(tmp_path, made_up(), CORNER, NOTES)
+        plots = sorted(path.name for path in tmp_path.glob("*.png"))
+        names = [f"cost-glare-{name}.png" for name in ("lamps-over-dark", "night-street", "sun-over-dark")]
+        assert plots == [*names, "sun-corner.png"]
+        assert all(2_000 < (tmp_path / name).stat().st_size < 300_000 for name in plots)
+
+    def test_an_error_of_0_can_be_drawn(self, tmp_path: Path) -> None:
+        rows = [row("a", label, "s", 0.0, 5.0, fresh=fresh) for label, fresh in (("one", True), ("two", False))]
+        cost_plots.error_over_time(tmp_path / "plot.png", rows, "s")
+        assert (tmp_path / "plot.png").exists()
+
+    def test_no_label_lies_on_another(self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+        figures: list[Figure] = []
+        monkeypatch.setattr(Figure, "savefig", lambda figure, path, **_: figures.append(figure))
+        cost_plots.error_over_time(tmp_path / "plot.png", [each for each in made_up() if each.scene == SCENES[0]], "s")
+        for axes in figures[0].axes:
+            boxes = []
+            for text in axes.texts:
+                text.arrow_patch = None
+                boxes.append(text.get_window_extent())
+            assert len(boxes) == 3 * len(NOTES)
+            for one, other in itertools.combinations(boxes, 2):
+                assert not one.shrunk(0.9, 0.7).overlaps(other.shrunk(0.9, 0.7))
+
+
+class TestFolder:
+    def test_it_appears_when_it_is_whole(self, tmp_path: Path) -> None:
+        with cost.results_folder(tmp_path / "deep" / "out") as folder:
+            (folder / cost.TABLE).write_text("new")
+            assert not (tmp_path / "deep" / "out").exists()
+        assert (tmp_path / "deep" / "out" / cost.TABLE).read_text() == "new"
+
+    def test_an_interrupted_measurement_leaves_the_earlier_one(self, tmp_path: Path) -> None:
+        out = tmp_path / "out"
+        out.mkdir()
+        (out / cost.TABLE).write_text("old")
+
+        def interrupted() -> None:
+            with cost.results_folder(out) as folder:
+                (folder / cost.TABLE).write_text("new")
+                raise KeyboardInterrupt
+
+        with pytest.raises(KeyboardInterrupt):
+            interrupted()
+        assert [path.name for path in tmp_path.iterdir()] == ["out"]
+        assert (out / cost.TABLE).read_text() == "old"
+        with cost.results_folder(out) as folder:
+            (folder / cost.TABLE).write_text("new")
+        assert (out / cost.TABLE).read_text() == "new"
+
+    def test_what_is_no_table_is_refused_by_name(self, tmp_path: Path) -> None:
+        (tmp_path / "photo.jpg").write_bytes(b"dear")
+        for out in (tmp_path, tmp_path / "photo.jpg"):
+            with pytest.raises(FrameError, match="--out"), cost.results_folder(out):
+                pass
+        with pytest.raises(FrameError, match="--out"), cost.results_folder(tmp_path / "photo.jpg" / "out"):
+            pass
+        assert (tmp_path / "photo.jpg").read_bytes() == b"dear"
+
+
+def test_the_quick_command_measures_every_group(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    told: list[str] = []
+
+    def run(effort: glare.Effort, rounds: int, done: Callable[[str], None]) -> glare.GlareCost:
+        return measure(effort, rounds, lambda label: (told.append(label), done(label))[1])
+
+    measure = glare.run
+    monkeypatch.setattr(glare, "run", run)
+    out = tmp_path / "out"
+    result = CliRunner().invoke(command, ["glare", "--quick", "--rounds", "1", "--out", str(out)])
+    assert result.exit_code == 0, result.output
+    lines = list(csv.DictReader((out / "cost-glare.csv").open(encoding="utf-8")))
+    assert {line["group"] for line in lines} == set(NOTES)
+    assert {line["setting"] for line in lines if line["group"] == LEVELS} == {
+        level.value for level in glare.QUICK.levels
+    }
+    assert all(float(line["median_ms"]) > 0 and line["rounds"] == "1" for line in lines)
+    errors = {line["setting"]: float(line["relative_l2"]) for line in lines}
+    assert errors["frame"] < errors["256, no fibres"] < errors["veil"]
+    assert len(told) == glare.steps(glare.QUICK, 1)
+    assert {path.name for path in out.iterdir()} == {
+        *("cost-glare.csv", "cost-glare.md", "cost-glare-sun-over-dark.png", "sun-corner.csv", "sun-corner.png")
+    }

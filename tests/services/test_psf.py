@@ -1,0 +1,295 @@
+"""`entoptic psf` part by part: profiles, pictures, sheets, films, the observer's file."""
+
+import csv
+import dataclasses
+import io
+import math
+from pathlib import Path
+
+import av
+import msgspec
+import numpy as np
+import OpenImageIO as oiio
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from rich.console import Console
+
+from pipeline import FrameError, GlareModel, Iris, Observer
+from pipeline.frame import LUMINANCE_WEIGHTS
+from pipeline.optics import analytic, radial
+from pipeline.optics.aperture import Pose
+from services.psf import film, layout, observer_file, profile, results, sheets
+from services.psf.picture import SCALE, Scale, displayed, radiance
+from services.psf.subject import Subject
+from services.settings import Settings, SettingsError, load
+
+CLEAR = Observer(particles=0, gratings=0, cornea_cells=0, vitreous_particles=0)
+AIRY = Subject(CLEAR, Pose(5.0))
+EYE = Subject(Observer(seed=2), Pose(6.0), wavelengths=16)
+CIE = Subject(Observer(), Pose(5.0), GlareModel.CIE, wavelengths=4)
+
+
+def test_a_clear_eye_is_airys() -> None:
+    deg = np.geomspace(0.001, 0.3, 60)
+    airy = radial.encircled(lambda at: analytic.airy(at, 5.0, 575.0), deg)
+    share = AIRY.core_share(575.0)
+    # What Airy's pattern has beyond the field is the core's too.
+    np.testing.assert_allclose(profile.encircled(AIRY, 575.0)(deg) / share, airy, atol=0.004)
+
+
+@pytest.mark.parametrize("model", GlareModel)
+def test_all_light_lies_within_90_degrees(model: GlareModel) -> None:
+    subject = dataclasses.replace(EYE, model=model)
+    for nm in (400.0, 700.0):
+        within = profile.encircled(subject, nm)(profile.THETA_DEG)
+        assert within[0] == 0
+        assert (np.diff(within) >= 0).all()
+        # SPE's terms add up to 0.9994 (equations §8).
+        assert within[-1] == pytest.approx(1, abs=1e-3 if model is GlareModel.SPE else 1e-5)
+
+
+def test_the_rings_of_a_profile_hold_all_light() -> None:
+    low, high = profile._ring_edges()
+    solid_angle = 2 * math.pi * (np.cos(np.radians(low)) - np.cos(np.radians(high)))
+    assert (profile.whole_profile(EYE, 550.0) * solid_angle).sum() == pytest.approx(1, abs=1e-5)
+    assert (low <= profile.THETA_DEG).all()
+    assert (high >= profile.THETA_DEG).all()
+
+
+@pytest.mark.parametrize("nm", [450.0, 568.0, 650.0])
+def test_the_halo_lies_at_three_degrees_and_grows_with_the_wavelength(nm: float) -> None:
+    halo = (profile.THETA_DEG > 1.8) & (profile.THETA_DEG < 4)
+    brightest = profile.THETA_DEG[halo][profile.whole_profile(EYE, nm)[halo].argmax()]
+    # Rings are 4.6 % apart.
+    assert brightest == pytest.approx(3 * nm / 568, rel=0.04)
+
+
+def test_a_wavelengths_core_is_the_others_scaled() -> None:
+    deg = np.array([0.01, 0.1, 1.0, 2.0])
+    blue, red = (profile.encircled(EYE, nm)(deg * nm / 575) / EYE.core_share(nm) for nm in (450.0, 650.0))
+    np.testing.assert_allclose(blue, red, rtol=1e-9)
+
+
+@pytest.mark.parametrize("model", [GlareModel.WAVE, GlareModel.IJSPEERT, GlareModel.SPE])
+def test_picture_and_profile_are_the_same_light(model: GlareModel) -> None:
+    subject = dataclasses.replace(EYE, model=model, wavelengths=8)
+    picture = radiance(subject, 361, 9.0)
+    luminance = np.einsum("c,cyx->yx", LUMINANCE_WEIGHTS, picture)
+    deg = (np.arange(361) - 180) / 40
+    distance = np.hypot(deg[:, None], deg[None, :])
+    for at in (0.3, 1.0, 2.0, 3.0, 4.0):
+        ring = (distance > at / 1.1) & (distance < at * 1.1)
+        expected = profile.density(profile.luminous(subject), np.array(at / 1.1), np.array(at * 1.1))
+        # The ring's edge runs through pixels, 14 of them across the narrowest ring's diameter.
+        assert luminance[ring].mean() == pytest.approx(float(expected), rel=0.1 if at < 1 else 0.02)
+    assert luminance.min() >= 0
+
+
+def test_a_picture_is_the_same_however_narrow_its_field() -> None:
+    wide, narrow = radiance(EYE, 181, 9.0), radiance(EYE, 41, 9.0 * 41 / 181)
+    np.testing.assert_allclose(narrow, wide[:, 70:-70, 70:-70], rtol=1e-4, atol=1e-4)
+
+
+@given(st.floats(-3, 8))
+def test_white_light_is_as_light_as_its_logarithm(exponent: float) -> None:
+    code = displayed(np.full((3, 1, 1), 10.0**exponent), Scale(0, 5))
+    assert abs(code.astype(float) - 255 * min(max(exponent / 5, 0), 1)).max() <= 0.51
+
+
+@given(st.tuples(*[st.floats(-0.5, 3.0)] * 3), st.floats(0.0, 5.0))
+def test_a_colour_keeps_its_hue_and_its_lightness(rgb: tuple[float, float, float], exponent: float) -> None:
+    weights, colour = np.array(LUMINANCE_WEIGHTS), np.array(rgb)
+    if (luminance := weights @ colour) < 0.2:
+        return
+    light = colour / luminance * 10.0**exponent
+    code = displayed(light[:, None, None], Scale(0, 5))[0, 0] / 255
+    linear = np.where(code <= 0.04045, code / 12.92, ((code + 0.055) / 1.055) ** 2.4)
+    grey = (displayed(np.full((3, 1, 1), 10.0**exponent), Scale(0, 5))[0, 0, 0]) / 255
+    grey_linear = grey / 12.92 if grey <= 0.04045 else ((grey + 0.055) / 1.055) ** 2.4
+    # Half a code value of each channel is up to 0.5 % of full light.
+    assert weights @ linear == pytest.approx(grey_linear, abs=0.01)
+    away, shown = colour / luminance - 1, linear - weights @ linear
+    assert np.linalg.norm(np.cross(away, shown)) <= 0.02 * max(1.0, float(np.linalg.norm(away)))
+
+
+@given(st.floats(0.05, 60))
+def test_the_scale_bar_is_a_round_angle_of_good_length(field_deg: float) -> None:
+    bar = layout.bar_deg(field_deg)
+    assert field_deg / 13 <= bar <= field_deg / 5 * 1.001
+    assert float(f"{bar:.0e}") == pytest.approx(bar)
+    radii = layout.ring_radii_deg(field_deg)
+    assert 1 <= len(radii) <= 16
+    assert radii[-1] <= field_deg / 2 * 1.001
+
+
+def test_rings_lie_at_each_degree() -> None:
+    assert list(layout.ring_radii_deg(9.0)) == [1, 2, 3, 4]
+
+
+def test_a_sheets_pictures_are_there_pixel_for_pixel(tmp_path: Path) -> None:
+    rng = np.random.default_rng(1)
+    images = [rng.integers(0, 256, (61, 61, 3)).astype(np.uint8) for _ in range(3)]
+    a, b, c = (layout.Panel(name, image) for name, image in zip("abc", images, strict=True))
+    layout.write(tmp_path / "sheet.png", layout.Sheet("Title", ((a, b), (c,)), 9.0))
+    page = oiio.ImageBuf(str(tmp_path / "sheet.png")).get_pixels(oiio.UINT8)[..., :3]
+    first = layout.TITLE_PX
+    second = first + 61 + layout.CAPTION_PX
+    for image, row, column in ((images[0], first, 0), (images[1], first, 1), (images[2], second, 0)):
+        x = layout.GAP_PX + column * (61 + layout.GAP_PX)
+        # The upper half has no ruler.
+        np.testing.assert_array_equal(page[row : row + 30, x : x + 61], image[:30])
+
+
+@pytest.mark.parametrize("name", sheets.SHEETS)
+def test_each_sheet_varies_what_it_says(name: str, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.setattr(sheets, "SIDE_PX", 61)
+    shown: list[Subject] = []
+
+    def small(subject: Subject, size_px: int, field_deg: float) -> np.ndarray:
+        shown.append(subject)
+        return np.ones((3, size_px, size_px))
+
+    monkeypatch.setattr(sheets, "radiance", small)
+    sheet = sheets.SHEETS[name](AIRY)
+    captions = [panel.caption for row in sheet.rows for panel in row]
+    assert len(captions) == len(set(captions))
+    assert not any("too many" in caption for caption in captions)
+    assert len(shown) >= len(captions)
+    # No two are alike, but D65, which is shown whole and as a half.
+    assert len(set(shown)) == len(shown) - (name == "spectra")
+    layout.write(tmp_path / "sheet.jpg", sheet)
+    assert (tmp_path / "sheet.jpg").stat().st_size < 300_000
+
+
+def test_particles_that_would_hide_all_are_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(sheets, "SIDE_PX", 61)
+    crowded = dataclasses.replace(CIE, observer=Observer(particle_mm=0.15))
+    captions = [panel.caption for panel in sheets.particles(crowded).rows[0]]
+    assert [": too many to see" in caption for caption in captions] == [False, False, True, True]
+
+
+@given(st.floats(1, 120), st.floats(1, 119))
+def test_particles_grow_with_age(own_years: float, age_years: float) -> None:
+    observer = Observer(age_years=own_years)
+    assert sheets.particles_at(observer, own_years) == observer.particles
+    assert sheets.particles_at(observer, age_years) <= sheets.particles_at(observer, age_years + 1) <= 20000
+
+
+@given(st.floats(0, 100))
+def test_lids_are_open_but_for_blinks(t_s: float) -> None:
+    assert 0 <= film.openness_at(t_s) <= 1
+    assert abs(film.openness_at(t_s + 0.001) - film.openness_at(t_s)) < 0.02
+
+
+def test_a_short_film_has_a_blink() -> None:
+    openness = [film.openness_at(k / film.FPS) for k in range(48)]
+    assert min(openness) < 0.1
+    assert openness.count(1.0) > 36
+
+
+def test_a_film_and_its_strip(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(film, "SIDE_PX", 101)
+    done: list[tuple[int, int]] = []
+    film.write(tmp_path, dataclasses.replace(EYE, wavelengths=4), 0.1, lambda *at: done.append(at))
+    assert done == [(1, 2), (2, 2)]
+    with av.open(str(tmp_path / "psf.mp4")) as opened:
+        frames = [frame.to_ndarray(format="rgb24") for frame in opened.decode(video=0)]
+    assert [frame.shape for frame in frames] == [(102, 102, 3)] * 2
+    assert np.abs(frames[0].astype(int) - frames[1]).max() > 10, "nothing moved"
+    assert (tmp_path / "psf_film.png").stat().st_size > 0
+
+
+observers = st.builds(
+    Observer,
+    age_years=st.floats(1, 120),
+    iris=st.sampled_from(Iris),
+    particles=st.integers(0, 20000),
+    particle_mm=st.floats(0.005, 0.5),
+    defocus_d=st.floats(-8, 8),
+    seed=st.integers(0, 2**62),
+)
+
+
+@given(observers, st.booleans(), st.sampled_from(GlareModel))
+def test_a_saved_observer_is_read_as_it_was(
+    tmp_path_factory: pytest.TempPathFactory, observer: Observer, lashes: bool, model: GlareModel
+) -> None:
+    path = tmp_path_factory.mktemp("observer") / "my_eye.toml"
+    changes = {name: value for name, value in msgspec.to_builtins(observer).items() if name != "living"}
+    tuned = observer_file.tuned(Settings(), changes, lashes=lashes, model=model.value)
+    assert msgspec.structs.replace(tuned.observer, living=observer.living) == observer
+    assert (tuned.observer.living.lashes, tuned.glare.model) == (lashes, model)
+    observer_file.write(path, tuned)
+    assert load(path) == tuned
+
+
+def test_what_is_not_tuned_stays() -> None:
+    settings = observer_file.tuned(Settings(), {"age_years": 61.0}, lashes=None, model=None)
+    nothing = dict.fromkeys(Observer.__struct_fields__)
+    assert observer_file.tuned(settings, nothing, lashes=None, model=None) == settings
+    assert settings.observer.age_years == 61
+
+
+@pytest.mark.parametrize(
+    ("changes", "model", "named"),
+    [
+        ({"iris": "pink"}, None, "pink.*--iris is one of dark, brown"),
+        ({}, "bloom", "bloom.*--model one of wave"),
+        ({"age_years": -3.0}, None, r"observer\.age_years"),
+        ({"agee_years": 3.0}, None, "agee_years"),
+    ],
+)
+def test_a_bad_value_is_named(changes: dict[str, object], model: str | None, named: str) -> None:
+    with pytest.raises(SettingsError, match=named):
+        observer_file.tuned(Settings(), changes, lashes=None, model=model)
+
+
+@pytest.mark.parametrize(
+    ("name", "named"), [("my_eye.txt", "TOML"), ("no/my_eye.toml", "no folder"), ("d.toml", "is a")]
+)
+def test_an_observers_file_must_have_a_place(tmp_path: Path, name: str, named: str) -> None:
+    (tmp_path / "d.toml").mkdir()
+    with pytest.raises(SettingsError, match=named):
+        observer_file.refuse_unwritable(tmp_path / name)
+
+
+def test_results_are_whole_or_not_there(tmp_path: Path) -> None:
+    out = tmp_path / "psf"
+
+    def fails_half_way() -> None:
+        with results.whole_folder(out) as folder:
+            (folder / "half.png").write_text("half")
+            raise ValueError("half-way")
+
+    with pytest.raises(ValueError, match="half-way"):
+        fails_half_way()
+    assert not list(tmp_path.iterdir())
+    out.mkdir()
+    (out / "mine.txt").write_text("mine")
+    (out / "psf.png").write_text("old")
+    with results.whole_folder(out) as folder:
+        (folder / "psf.png").write_text("new")
+    assert {path.name: path.read_text() for path in out.iterdir()} == {"mine.txt": "mine", "psf.png": "new"}
+    with pytest.raises(FrameError, match="is a file"), results.whole_folder(out / "mine.txt"):
+        pass
+
+
+def test_all_that_is_written_of_an_eye(tmp_path: Path) -> None:
+    said = Console(file=io.StringIO(), width=200)
+    wanted = results.Wanted(size_px=150, field_deg=9.0, sheets=False, film_s=None)
+    results.run(CIE, wanted, tmp_path / "out", said)
+    names = {"encircled.csv", "profile.csv", "profiles.png", "psf.png", "pupil_plane.png"}
+    assert {path.name for path in (tmp_path / "out").iterdir()} == names
+    with (tmp_path / "out" / "profile.csv").open(newline="") as file:
+        rows = list(csv.DictReader(file))
+    assert list(rows[0]) == ["theta_deg", *(f"{nm}_nm" for nm in range(400, 701, 50)), "luminous_D65"]
+    assert (float(rows[0]["theta_deg"]), float(rows[-1]["theta_deg"])) == (0, 90)
+    ten = min(rows, key=lambda row: abs(float(row["theta_deg"]) - 10))
+    expected = analytic.cie135(np.array(float(ten["theta_deg"])), 30.0, 0.5)
+    assert float(ten["550_nm"]) == pytest.approx(float(expected), rel=5e-3)
+    assert said.file.getvalue().count("1.00") == len(profile.RATIOS_DEG)  # type: ignore[attr-defined]
+
+
+def test_the_default_scale_is_stated() -> None:
+    assert str(SCALE) == "0.32 to 3162 sr⁻¹, 4 decades"
