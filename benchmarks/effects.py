@@ -7,9 +7,11 @@ import numpy as np
 import scipy.fft
 
 from benchmarks.table import interleaved, show
-from pipeline import Looking, Observer, RenderState, View, perceive
-from pipeline.effects import acuity, glare, night_colour, tone
+from pipeline import Glare, GlareLevel, GlareModel, Looking, Observer, RenderState, View, perceive
+from pipeline.effects import acuity, night_colour, tone
+from pipeline.effects.glare import Sight, mixture, scatter
 from pipeline.measure import measure
+from pipeline.optics.aperture import Pose
 from pipeline.scenes import Head, open_scene
 from services.process import prepare_jax
 from tracker_bridge.wire import Eye
@@ -22,11 +24,17 @@ def main(rounds: int = 15) -> None:
     scene = open_scene("night-street")
     frame = scene.frame(3.0, view, Head(), eyes)
     rgb = frame.rgb_cd_m2
-    centre = (720.0, 800.0)
+    measured = measure(frame)[0]
+
+    def glare(settings: Glare) -> object:
+        kernel = mixture(settings.model, observer, Pose(5.1), 0.05, view.ppd_centre)
+        sight = Sight(view, measured, (720.0, 800.0), kernel, observer, Pose(5.1), 0.05)
+        return wait(scatter(rgb[0], sight, settings))
+
     shown = tone.aces(rgb, np.array([0.3]), 100.0)
     state = RenderState((0.05,))
     host = np.asarray(rgb[0])
-    kernel = np.asarray(glare.wave_kernel(observer, 20, view.ppd_centre).scatters)
+    kernel = np.asarray(mixture(GlareModel.CIE, observer, Pose(5.1), 0.05, view.ppd_centre)[0][0].scatters)[0]
     sizes = [scipy.fft.next_fast_len(n + kernel.shape[1] - 1, real=True) for n in host.shape[1:]]
     transformed = scipy.fft.rfft2(kernel, s=sizes, workers=2)
 
@@ -40,8 +48,11 @@ def main(rounds: int = 15) -> None:
         scipy_name: convolve_with_scipy,
         "night street, one eye": lambda: wait(scene.frame(3.0, view, Head(), eyes).rgb_cd_m2),
         "measure": lambda: measure(frame),
-        "glare, wave": lambda: wait(glare.wave_glare(rgb[0], view, observer, 5.1, centre)),
-        "glare, analytic": lambda: wait(glare.analytic_glare(rgb[0], view, 1.0, 30.0)),
+        "glare, wave veil": lambda: glare(Glare(level=GlareLevel.VEIL)),
+        "glare, wave sources": lambda: glare(Glare(level=GlareLevel.SOURCES)),
+        "glare, wave window": lambda: glare(Glare()),
+        "glare, wave frame": lambda: glare(Glare(level=GlareLevel.FRAME)),
+        "glare, spe frame": lambda: glare(Glare(GlareModel.SPE, GlareLevel.FRAME)),
         "acuity": lambda: wait(acuity.dark_acuity(rgb)),
         "tone": lambda: wait(tone.aces(rgb, np.array([0.3]), 100.0)),
         "night colour": lambda: wait(night_colour.night_tint(shown, np.array([0.5]))),

@@ -13,6 +13,7 @@ from matplotlib import patheffects
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
+from matplotlib.text import Text
 from matplotlib.ticker import NullFormatter
 from matplotlib.transforms import Bbox
 
@@ -55,9 +56,10 @@ def error_over_time(path: Path, rows: Sequence[Row], scene: str) -> None:
     handles, labels = left.get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside lower center", ncols=len(labels), frameon=False, fontsize=9)
     figure.suptitle(f"Glare of one eye: error against the reference over time; {scene}", fontsize=11)
-    canvas.draw()
+    figure.draw_without_rendering()
+    figure.set_layout_engine("none")  # all stays where the labels find it
     for axes, of_axes in marks.items():
-        _label(axes, of_axes)
+        _label(axes, of_axes, canvas)
     figure.savefig(path, format="png")
 
 
@@ -91,8 +93,9 @@ def _points(
     ]
 
 
-def _label(axes: Axes, marks: Sequence[_Mark]) -> None:
+def _label(axes: Axes, marks: Sequence[_Mark], canvas: FigureCanvasAgg) -> None:
     """Writes each label as near to its point as it covers no other point and no other label."""
+    renderer = canvas.get_renderer()  # type: ignore[no-untyped-call]
     to_px = axes.transData
     at_px = [to_px.transform((mark.x, mark.y)) for mark in marks]
     taken = [Bbox.from_extents(x - 4, y - 4, x + 4, y + 4) for x, y in at_px]
@@ -103,10 +106,8 @@ def _label(axes: Axes, marks: Sequence[_Mark]) -> None:
         )  # fmt: skip
         text.set_in_layout(False)
         text.set_path_effects([patheffects.withStroke(linewidth=2, foreground="white")])
-        size = axes.figure.canvas.get_renderer().get_text_width_height_descent(
-            mark.label, text.get_fontproperties(), False
-        )
-        wide, high = size[0], size[1]
+        extent = Text.get_window_extent(text, renderer)  # without its line
+        wide, high = extent.width, extent.height
         for away, (right, up) in itertools.product(AWAY_PX, AROUND):
             off_x, off_y = right * (away + wide / 2), up * (away + high / 2)
             box = Bbox.from_bounds(x + off_x - wide / 2, y + off_y - high / 2, wide, high)

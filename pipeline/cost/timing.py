@@ -21,7 +21,7 @@ class Times:
     first_ms: float
     """The first in this process: with compiling, and with making what later calls have at hand."""
     steady_ms: NDArray[np.float64]
-    """Of each later round."""
+    """Of each later round; of the first where there is no other."""
 
     @property
     def median_ms(self) -> float:
@@ -46,7 +46,7 @@ class Timed(Generic[Result]):
 def interleaved(
     parts: Mapping[str, Callable[[], Result]], rounds: int, done: Callable[[str], None] = lambda name: None
 ) -> dict[str, Timed[Result]]:
-    """Each part timed to its end, once at first and `rounds` ≥ 1 times in turns: a busy machine slows all alike.
+    """Each part timed to its end, once at first and then `rounds` times in turns: a busy machine slows all alike.
 
     `done` is told the name of each call that has ended.
     """
@@ -60,4 +60,6 @@ def interleaved(
             if turn == 0:
                 results[name] = result
             done(name)
-    return {name: Timed(results[name], Times(each[0], np.array(each[1:]))) for name, each in milliseconds.items()}
+    return {
+        name: Timed(results[name], Times(each[0], np.array(each[1:] or each))) for name, each in milliseconds.items()
+    }

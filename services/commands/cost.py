@@ -29,7 +29,7 @@ def glare(
         bool, typer.Option("--quick", help="Small frames and few settings, to see that it works; no figures to quote.")
     ] = False,
     rounds: Annotated[
-        int | None, typer.Option(min=1, max=1000, help="Runs of each setting after the first; 7, or 2 with --quick.")
+        int | None, typer.Option(min=1, max=1000, help="Runs of each setting after the first; 5, or 2 with --quick.")
     ] = None,
 ) -> None:
     """Measure error and time of glare at each of its settings. Takes ten minutes; let the machine rest meanwhile."""
@@ -57,6 +57,6 @@ def glare(
             progress.update(bar, advance=1, description=label)
 
         found = measured.run(effort, count, done)
-        text = results.write(folder, found.rows, found.corner, measured.NOTES)
+        text = results.write(folder, found.rows, found.corner, measured.notes(effort))
     console.print(text, markup=False, soft_wrap=True)
     console.print(f"results: [b]{escape(str(out.resolve()))}[/b]", soft_wrap=True)

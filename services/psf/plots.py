@@ -19,7 +19,7 @@ from services.psf import layout
 from services.psf.picture import Scale
 from services.psf.profile import THETA_DEG, Encircled, density
 
-_MARGIN_PX, _BAR_PX, _CAPTION_PX = 12, 90, 74
+_MARGIN_PX, _BAR_PX, _CAPTION_PX, _CAPTION_WIDTH_PX = 12, 90, 74, 600
 ZOOM_MM = 0.4
 """Side of the enlarged part of the pupil plane: 37 lens fibres."""
 DARK = 0.01
@@ -33,7 +33,8 @@ def write_psf(
 ) -> None:
     """The colour picture pixel for pixel, its angles and its scale of light."""
     side = image.shape[0]
-    width, height = side + 2 * _MARGIN_PX + _BAR_PX, side + 2 * _MARGIN_PX + _CAPTION_PX
+    width = max(side + 2 * _MARGIN_PX + _BAR_PX, _CAPTION_WIDTH_PX)
+    height = side + 2 * _MARGIN_PX + _CAPTION_PX
     figure = Figure(figsize=(width / layout.DPI, height / layout.DPI), dpi=layout.DPI, facecolor=layout.PAGE)
     bottom = _CAPTION_PX + _MARGIN_PX
     axes = figure.add_axes((_MARGIN_PX / width, bottom / height, side / width, side / height))
@@ -59,13 +60,16 @@ def write_pupil_plane(path: Path, plane: Complex[np.ndarray, "n n"], captions: S
     amplitude = np.abs(plane)
     phase = np.where(amplitude > DARK, np.angle(plane), 0.0)
     half_mm = PLANE_M * 1e3 / 2
-    figure = Figure(figsize=(15.6, 5.0), dpi=layout.DPI, layout="constrained")
-    whole, turned, zoom = figure.subplots(1, 3)
+    figure = Figure(figsize=(15.6, 5.0), dpi=layout.DPI)
+    room = {"left": 0.04, "right": 0.96, "bottom": 0.1, "top": 0.86, "wspace": 0.3}
+    whole, turned, zoom = figure.subplots(1, 3, gridspec_kw=room)
     transmittance = _block_mean(amplitude**2, block)
     _plane_image(figure, whole, transmittance, half_mm, "gray", (0, 1), "transmittance of light")
     spread = np.sqrt(np.maximum(_block_mean(phase**2, block), 0))
-    _plane_image(figure, turned, spread, half_mm, "magma", (0, max(spread.max(), 1e-3)), "phase, rms / rad")
-    # Where the lens fibres are: half-way from the middle to the pupil's edge on the right.
+    _plane_image(
+        figure, turned, spread, half_mm, "magma", (0, max(spread.max(), 1e-3)), "phase, root mean square / rad"
+    )
+    # Where the lens fibres are, if there are any: well outside of the middle.
     columns = np.flatnonzero(amplitude[n // 2] > 0)
     centre = n // 2 + int(0.7 * (columns.max() - n // 2)) if columns.size else n // 2
     reach = round(ZOOM_MM * 1e-3 / PLANE_M * n / 2)
@@ -74,8 +78,8 @@ def write_pupil_plane(path: Path, plane: Complex[np.ndarray, "n n"], captions: S
     limit = max(float(np.abs(part).max()), 1e-3)
     extent = (at_mm - ZOOM_MM / 2, at_mm + ZOOM_MM / 2, -ZOOM_MM / 2, ZOOM_MM / 2)
     shown = zoom.imshow(part, extent=extent, cmap="RdBu_r", vmin=-limit, vmax=limit, interpolation="nearest")
-    figure.colorbar(shown, ax=zoom, fraction=0.046, pad=0.03, label="phase / rad")
-    zoom.set(title=f"phase, {ZOOM_MM:g} mm of it", xlabel="right / mm", ylabel="up / mm")
+    figure.colorbar(shown, ax=zoom, fraction=0.046, pad=0.03)
+    zoom.set(title=f"phase / rad, {ZOOM_MM:g} mm of it", xlabel="right / mm", ylabel="up / mm")
     figure.suptitle("   ·   ".join(captions), fontsize=10)
     layout.save(figure, path)
 
@@ -91,8 +95,8 @@ def _plane_image(
 ) -> None:
     extent = (-half_mm, half_mm, -half_mm, half_mm)
     shown = axes.imshow(image, extent=extent, cmap=colours, vmin=limits[0], vmax=limits[1], interpolation="nearest")
-    figure.colorbar(shown, ax=axes, fraction=0.046, pad=0.03, label=name)
-    axes.set(title=name.split(" /")[0], xlabel="right / mm", ylabel="up / mm")
+    figure.colorbar(shown, ax=axes, fraction=0.046, pad=0.03)
+    axes.set(title=name, xlabel="right / mm", ylabel="up / mm")
 
 
 def _block_mean(image: NDArray[np.floating], block: int) -> NDArray[np.floating]:
@@ -102,8 +106,9 @@ def _block_mean(image: NDArray[np.floating], block: int) -> NDArray[np.floating]
 
 def write_profiles(path: Path, functions: Sequence[tuple[str, Encircled]], title: str) -> None:
     """Light per steradian over the angle, and encircled light, one line a function."""
-    figure = Figure(figsize=(11, 5), dpi=layout.DPI, layout="constrained")
-    left, right = figure.subplots(1, 2)
+    figure = Figure(figsize=(11, 5), dpi=layout.DPI)
+    room = {"left": 0.08, "right": 0.985, "bottom": 0.11, "top": 0.87, "wspace": 0.2}
+    left, right = figure.subplots(1, 2, gridspec_kw=room)
     low, high = THETA_DEG[1:-1], THETA_DEG[2:]
     for (name, within), style in zip(functions, ("-", "--", ":", "-."), strict=False):
         colour = "black" if style == "-" else None

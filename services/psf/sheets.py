@@ -53,7 +53,8 @@ def anatomy(subject: Subject) -> Sheet:
         (f"lids half closed, {eye.lashes} lashes", _posed(lidded, lashes=True)),
         ("the whole eye, open", _posed(subject, openness=1.0, lashes=False)),
     ]
-    return _sheet("What each part of the eye does to the light", [parts[:4], parts[4:]])
+    note = "the ring from 3.3° on is CIE 135's veil, which goes on where the computed field ends"
+    return _sheet("What each part of the eye does to the light", [parts[:4], parts[4:]], note)
 
 
 def pupils(subject: Subject) -> Sheet:
@@ -87,10 +88,10 @@ def ages(subject: Subject) -> Sheet:
 
 
 def spectra(subject: Subject) -> Sheet:
-    """KRI Figs 6.4–6.6: white LEDs, good and poor, beside D65; and the halves of D65 and E."""
+    """KRI Figs 6.4–6.6: white LEDs, good and poor, and tungsten beside D65; and the halves of D65 and E."""
     # E is redder than the display's white, D65; both stay as they are.
     names = {"D65": "D65", "LED-B3": "white LED of 4100 K (CIE LED-B3)", "LED-KRI": "white LED (KRI §6.1)"}
-    names |= {"LED-KRI-3": "poor LED, three peaks (KRI Fig 6.5)"}
+    names |= {"LED-KRI-3": "poor LED, three peaks (KRI Fig 6.5)", "A": "tungsten (CIE A)"}
     row = _drawn([(caption, dataclasses.replace(subject, spectrum=name)) for name, caption in names.items()])
     left, right = (_image(dataclasses.replace(subject, spectrum=name)) for name in ("D65", "E"))
     halves = np.concatenate([left[:, : SIDE_PX // 2], right[:, SIDE_PX // 2 :]], axis=1)

@@ -93,6 +93,10 @@ class TestTimes:
         assert timed["a"].times.steady_ms.shape == (3,)
         assert timed["a"].times.first_ms >= 50
 
+    def test_without_rounds_the_first_call_is_the_time(self) -> None:
+        times = interleaved({"a": lambda: None}, 0)["a"].times
+        assert times.steady_ms.tolist() == [times.first_ms]
+
     def test_quartiles_enclose_the_median(self) -> None:
         times = interleaved({"a": lambda: sum(range(1000))}, 9)["a"].times
         low, high = times.middle_half_ms

@@ -10,19 +10,20 @@ from pathlib import Path
 import numpy as np
 import pytest
 from matplotlib.figure import Figure
+from matplotlib.text import Text
 from typer.testing import CliRunner
 
 from pipeline.cost import glare
 from pipeline.cost.comparison import Row
 from pipeline.cost.errors import Errors
-from pipeline.cost.glare import LEVELS, NOTES
 from pipeline.cost.sun_corner import SunCorner
 from pipeline.cost.timing import Times
 from pipeline.frame import FrameError
 from services import cost, cost_plots
 from services.commands.cost import cost as command
 
-SCENES = ("night street", "lamps over dark", "sun over dark")
+NOTES = glare.notes(glare.QUICK)
+SCENES = ("night street", "lamps over dark")
 CORNER = SunCorner(np.array([1.5, 2.5]), np.array([10.0, 2.0]), {"plain": np.array([4.0, 4.0])}, 1e-3)
 
 
@@ -34,7 +35,7 @@ def row(group: str, label: str, scene: str, error: float, milliseconds: float, *
 def made_up() -> list[Row]:
     labels = itertools.product(NOTES, ("some long name of a setting", "another", "a third one"), SCENES)
     random = np.random.default_rng(1)
-    values = random.uniform(1, 1.3, (len(NOTES) * 9, 2)).tolist()
+    values = random.uniform(1, 1.3, (len(NOTES) * 6, 2)).tolist()
     return [
         row(group, f"{label}, {group}", scene, error * 1e-3, milliseconds * 100)
         for (group, label, scene), (error, milliseconds) in zip(labels, values, strict=True)
@@ -42,7 +43,7 @@ def made_up() -> list[Row]:
 
 
 class TestFiles:
-    def test_every_row_is_a_line_and_every_group_a_table(self, tmp_path: Path) -> None:
+    def test_every_row_is_a_line_every_group_a_table_and_every_scene_a_small_picture(self, tmp_path: Path) -> None:
         rows = made_up()
         text = cost.write(tmp_path, rows, CORNER, NOTES)
         lines = list(csv.DictReader((tmp_path / "cost-glare.csv").open(encoding="utf-8")))
@@ -61,10 +62,8 @@ class TestFiles:
         corner = list(csv.DictReader((tmp_path / "sun-corner.csv").open(encoding="utf-8")))
         assert [float(line["plain_error_p95_cd_m2"]) for line in corner] == [4, 4]
 
-    def test_plots_are_small_pictures(self, tmp_path: Path) -> None:
-        cost.write(tmp_path, made_up(), CORNER, NOTES)
         plots = sorted(path.name for path in tmp_path.glob("*.png"))
-        names = [f"cost-glare-{name}.png" for name in ("lamps-over-dark", "night-street", "sun-over-dark")]
+        names = [f"cost-glare-{name}.png" for name in ("lamps-over-dark", "night-street")]
         assert plots == [*names, "sun-corner.png"]
         assert all(2_000 < (tmp_path / name).stat().st_size < 300_000 for name in plots)
 
@@ -77,11 +76,9 @@ class TestFiles:
         figures: list[Figure] = []
         monkeypatch.setattr(Figure, "savefig", lambda figure, path, **_: figures.append(figure))
         cost_plots.error_over_time(tmp_path / "plot.png", [each for each in made_up() if each.scene == SCENES[0]], "s")
+        figures[0].draw_without_rendering()
         for axes in figures[0].axes:
-            boxes = []
-            for text in axes.texts:
-                text.arrow_patch = None
-                boxes.append(text.get_window_extent())
+            boxes = [Text.get_window_extent(text) for text in axes.texts]  # without their lines
             assert len(boxes) == 3 * len(NOTES)
             for one, other in itertools.combinations(boxes, 2):
                 assert not one.shrunk(0.9, 0.7).overlaps(other.shrunk(0.9, 0.7))
@@ -135,7 +132,7 @@ def test_the_quick_command_measures_every_group(tmp_path: Path, monkeypatch: pyt
     assert result.exit_code == 0, result.output
     lines = list(csv.DictReader((out / "cost-glare.csv").open(encoding="utf-8")))
     assert {line["group"] for line in lines} == set(NOTES)
-    assert {line["setting"] for line in lines if line["group"] == LEVELS} == {
+    assert {line["setting"] for line in lines if line["group"] == glare.LEVELS} == {
         level.value for level in glare.QUICK.levels
     }
     assert all(float(line["median_ms"]) > 0 and line["rounds"] == "1" for line in lines)

@@ -151,7 +151,7 @@ def test_each_sheet_varies_what_it_says(name: str, monkeypatch: pytest.MonkeyPat
         return np.ones((3, size_px, size_px))
 
     monkeypatch.setattr(sheets, "radiance", small)
-    sheet = sheets.SHEETS[name](AIRY)
+    sheet = sheets.SHEETS[name](EYE)
     captions = [panel.caption for row in sheet.rows for panel in row]
     assert len(captions) == len(set(captions))
     assert not any("too many" in caption for caption in captions)

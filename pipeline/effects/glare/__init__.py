@@ -62,7 +62,7 @@ def scatter(rgb: Float[Array, "3 y x"], sight: Sight, settings: Glare) -> Float[
         result = jnp.asarray(reference.of_sight(rgb, sight, settings.model), jnp.float32)
         return _with_lights(result, sight)
     veiling = rgb if ceiling is None else rgb * convolve.spill_share(luminance(rgb), ceiling)
-    result = rgb + veil.veil_change(veiling, view, kernel)
+    result = veil.veil_change(veiling, view, kernel, onto=rgb)
     match settings.level:
         case GlareLevel.SOURCES:
             result, _ = sources.glare_sources(rgb, kernel, sight.measured, ceiling_cd_m2=ceiling, onto=result)

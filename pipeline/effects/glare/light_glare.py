@@ -32,9 +32,14 @@ def add_lights(
     """A frame in cd/m² with its lights and all their glare, of lights beyond its edges too."""
 
     def kernel_of(spectrum: str) -> LightMixture:
-        if pose.lens_m is not None:
+        if not models.rests(observer, pose):
             return ((_point_kernel(observer, pose, view.ppd_centre, spectrum), 1.0),)
-        return ((_kept_kernel(observer, pose, view.ppd_centre, spectrum), 1.0),)
+        low, high, share = models.pupil_steps(pose.pupil_mm)
+        return tuple(
+            (_resting(observer, step, view.ppd_centre, spectrum), weight)
+            for step, weight in ((low, 1 - share), (high, share))
+            if weight > 0
+        )
 
     image = draw_lights(onto, lights, view, kernel_of)
     return image + jnp.asarray(_veil(lights, view, models.cie_veil(observer)), jnp.float32)
@@ -52,7 +57,9 @@ def _point_kernel(observer: Observer, pose: Pose, pixels_per_deg: float, spectru
     return PointKernel(kernel)
 
 
-_kept_kernel = functools.lru_cache(maxsize=4)(_point_kernel)
+@functools.lru_cache(maxsize=8)
+def _resting(observer: Observer, step: int, pixels_per_deg: float, spectrum: str) -> PointKernel:
+    return _point_kernel(observer, models.resting_pose(observer, step), pixels_per_deg, spectrum)
 
 
 def _veil(lights: Sequence[Light], view: View, veil: Veil) -> NDArray[np.float64]:

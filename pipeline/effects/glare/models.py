@@ -22,6 +22,9 @@ GRID = 2048
 PUPIL_STEP_MM = 0.25
 """Kernels are computed at these diameters and blended in between: a pupil in motion costs no FFT of its plane."""
 
+IJSPEERT_VEIL_MM = 4.0
+"""The pupil whose veil stands for all. Engineering choice: a middling one."""
+
 
 class GlareModel(enum.StrEnum):
     """Which point-spread function."""
@@ -41,7 +44,7 @@ def mixture(model: GlareModel, observer: Observer, pose: Pose, adapted_cd_m2: fl
     match model:
         case GlareModel.WAVE if pose.lens_m is not None:
             return ((wave_component(observer, pose, pixels_per_deg), 1.0),)
-        case GlareModel.WAVE if not _rests(observer, pose):
+        case GlareModel.WAVE if not rests(observer, pose):
             return ((_posed(observer, pose, pixels_per_deg), 1.0),)
         case GlareModel.WAVE:
             low, high, share = pupil_steps(pose.pupil_mm)
@@ -49,9 +52,11 @@ def mixture(model: GlareModel, observer: Observer, pose: Pose, adapted_cd_m2: fl
         case GlareModel.IJSPEERT:
             low, high, share = pupil_steps(pose.pupil_mm)
             straylight = analytic.STRAYLIGHT[observer.iris]
+            # Beyond 4.5° the pupil changes it by 1e-4: one veil serves all.
+            veil = Veil(analytic.ijspeert, (IJSPEERT_VEIL_MM, observer.age_years, straylight))
             steps = [
                 formula_component(
-                    analytic.ijspeert, (step * PUPIL_STEP_MM, observer.age_years, straylight), pixels_per_deg
+                    analytic.ijspeert, (step * PUPIL_STEP_MM, observer.age_years, straylight), pixels_per_deg, veil
                 )
                 for step in (low, high)
             ]
@@ -145,7 +150,7 @@ def cie_veil(observer: Observer) -> Veil:
     return Veil(analytic.cie135, (observer.age_years, analytic.PIGMENTATION[observer.iris]))
 
 
-def _rests(observer: Observer, pose: Pose) -> bool:
+def rests(observer: Observer, pose: Pose) -> bool:
     """Whether the eye stands as this observer's does at rest, but for the pupil."""
     return pose.parts_at_rest and pose.openness >= 1 and not pose.lashes and pose.defocus_d == observer.defocus_d
 
@@ -158,14 +163,22 @@ def _posed(observer: Observer, pose: Pose, pixels_per_deg: float) -> Component:
 
 @functools.lru_cache(maxsize=8)
 def _resting(observer: Observer, step: int, pixels_per_deg: float) -> Component:
-    return wave_component(observer, Pose(step * PUPIL_STEP_MM, observer.defocus_d), pixels_per_deg)
+    return wave_component(observer, resting_pose(observer, step), pixels_per_deg)
+
+
+def resting_pose(observer: Observer, step: int) -> Pose:
+    """This observer's eye at rest with one of the computed pupils."""
+    return Pose(step * PUPIL_STEP_MM, observer.defocus_d)
 
 
 @functools.lru_cache(maxsize=8)
-def formula_component(function: Formula, parameters: tuple[float, ...], pixels_per_deg: float) -> Component:
-    """The kernel and the veil of a formula, alike for all colours."""
-    veil = Veil(function, parameters)
-    return component(_near(veil, pixels_per_deg), veil, radial.hemisphere_volume(veil.density))
+def formula_component(
+    function: Formula, parameters: tuple[float, ...], pixels_per_deg: float, veil: Veil | None = None
+) -> Component:
+    """The kernel of a formula and its veil, its own unless given, alike for all colours."""
+    own = Veil(function, parameters)
+    veil = own if veil is None else veil
+    return component(_near(own, pixels_per_deg), veil, radial.hemisphere_volume(veil.density))
 
 
 def _near(veil: Veil, pixels_per_deg: float) -> NDArray[np.float64]:

@@ -15,7 +15,6 @@ from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
-import numpy as np
 from jaxtyping import Array, Float
 
 from pipeline.effects.glare import veil_tiles
@@ -89,7 +88,7 @@ def grid(view: View) -> Grid:
         Side(jnp.asarray(axis.weights), jnp.asarray(axis.tiles.reshape(len(axis.tiles), -1), jnp.float32))
         for axis in (rows, columns)
     ]
-    return Grid(*sides, jnp.asarray(veil_tiles.solid_angles(view), jnp.float32))
+    return Grid(sides[0], sides[1], jnp.asarray(veil_tiles.solid_angles(view), jnp.float32))
 
 
 @functools.lru_cache(maxsize=6)
@@ -119,7 +118,8 @@ def _points(
 
 def _gather(light: Float[Array, "3 y x"], tiles: Grid) -> Float[Array, "3 tiles tiles"]:
     """Each tile's light times its solid angle."""
-    (points_y, block_y), (points_x, block_x) = (side.weights.shape for side in (tiles.rows, tiles.columns))
+    points_y, block_y = tiles.rows.weights.shape
+    block_x = tiles.columns.weights.shape[1]
     _, height, width = light.shape
     rest = ((0, 0), (0, -height % block_y), (0, -width % block_x))
     padded = jnp.pad(light, rest) if any(after for _, after in rest) else light

@@ -1,12 +1,12 @@
 """Low resolution for the veil: a grid of smooth tiles over a view, and what an analytic function carries between them.
 
-**Tiles** are cubic B-splines, so light that moves from one tile to the next moves smoothly, and what arrives is read off
-as smoothly. A pinhole view spreads its edges, so tiles lie evenly not in pixels but in s = asinh(u), u the tangent of the
-angle: a step of s along an axis is an angle of at most s, anywhere, and nearly that in most of a view.
+**Tiles** are cubic B-splines, so light that moves from one tile to the next moves smoothly, and what arrives is read
+off as smoothly. A pinhole view spreads its edges, so tiles lie evenly not in pixels but in s = asinh(u), u the tangent
+of the angle: a step of s along an axis is an angle of at most s, anywhere, and nearly that in most of a view.
 
 **Blocks** make that cheap. Within a block of pixels the light is gathered at POINTS points with the weights of cubic
-interpolation; a few hundred points along a side then go to the tiles by a small matrix. Light times any function that is
-smooth over a block keeps its sum: so solid angles and tiles are evaluated at the points alone.
+interpolation; a few hundred points along a side then go to the tiles by a small matrix. Light times any function that
+is smooth over a block keeps its sum: so solid angles and tiles are evaluated at the points alone.
 
 **Halves.** A view is mirrored in both its middles, so tiles are kept as sums and differences of mirrored ones, which do
 not mix: four matrices of a sixteenth of the size each in place of one.
@@ -27,8 +27,8 @@ from pipeline.frame import View
 from pipeline.optics import radial
 
 TILES = 88
-"""Along the longer side at most: 1.4° in the middle of a view of 104°. Engineering choice: the matrices of a square view
-are 60 MB, and a veil that rises between 4.5° and 9° is within 2.5 % of the whole function at every angle."""
+"""Along the longer side at most: 1.5° in the middle of a view of 104°. Engineering choice: the matrices of a square
+view are 60 MB, and a veil that rises between 4.5° and 9° is within 2.5 % of the whole function at every angle."""
 FINEST_DEG = 0.8
 """Least side of a tile. Engineering choice: with it the veil is within 0.6 % of the whole function."""
 BLOCK_DEG, POINTS = 1.5, 4
@@ -37,7 +37,7 @@ reaches the tiles nearly as accurately as pixel by pixel."""
 SUPPORT = 6
 """Tiles to each side that a B-spline's coefficient depends on. Its weights fall by 2 − √3 a tile, to 4e-4 here."""
 TABLE = 1 << 16
-"""Entries of the function's table, even in the sine of half the angle: 0.0018° apart, where functions differ by some 1e-4."""
+"""Entries of the function's table, even in the sine of half the angle: 0.0018° apart, 1e-4 of a function."""
 ROWS_AT_ONCE = 256
 """Of a matrix under construction: its working memory is some 20 MB."""
 
@@ -102,7 +102,7 @@ def _axis(pixels: int, focal_px: float, step: float) -> Axis:
 
 
 def _centred(count: int) -> Reals:
-    return np.arange(count) - (count - 1) / 2
+    return np.asarray(np.arange(count) - (count - 1) / 2, np.float64)
 
 
 def _halves(count: int) -> Reals:
@@ -174,7 +174,10 @@ def solid_angles(view: View) -> Reals:
 
     v, u = rows.tangents[:, None], columns.tangents[None, :]
     return np.asarray(
-        corner(v + half, u + half) - corner(v - half, u + half) - corner(v + half, u - half) + corner(v - half, u - half)
+        corner(v + half, u + half)
+        - corner(v - half, u + half)
+        - corner(v + half, u - half)
+        + corner(v - half, u - half)
     )
 
 
@@ -193,9 +196,7 @@ def carried(view: View, veil: Veil) -> NDArray[np.float32]:
         some = slice(start, start + ROWS_AT_ONCE)
         across, along, ahead = (np.outer(part[some], part) for part in directions)
         same, mirrored_x, mirrored_y, both = (
-            _looked_up(table, ahead + sign_x * across + sign_y * along)
-            for sign_y in (1, -1)
-            for sign_x in (1, -1)
+            _looked_up(table, ahead + sign_x * across + sign_y * along) for sign_y in (1, -1) for sign_x in (1, -1)
         )
         weights = np.outer(once[some], once)
         classes[0, some] = same + mirrored_x + mirrored_y + both
@@ -239,7 +240,9 @@ def _looked_up(table: NDArray[np.float32], cosine: NDArray[np.float32]) -> NDArr
     return table[np.minimum(sine * np.float32(TABLE) + np.float32(0.5), np.float32(TABLE)).astype(np.int32)]
 
 
-def _to_tiles(values: NDArray[np.float32], rows: Axis, columns: Axis, parity_y: int, parity_x: int) -> NDArray[np.float32]:
+def _to_tiles(
+    values: NDArray[np.float32], rows: Axis, columns: Axis, parity_y: int, parity_x: int
+) -> NDArray[np.float32]:
     """B-spline coefficients of a symmetric function of two nodes, in both."""
     y, x = rows.coefficients[parity_y], columns.coefficients[parity_x]
     by_row = scipy.sparse.kron(y, scipy.sparse.eye_array(x.shape[1]), "csr").astype(np.float32)
@@ -263,4 +266,4 @@ def _uniform(view: View, matrices: NDArray[np.float32]) -> Reals:
 def _pixels_at_points(axis: Axis) -> Reals:
     """How many pixels are gathered at each point; none from beyond the frame's end."""
     there = (np.arange(axis.blocks * axis.block_px) < axis.pixels).reshape(axis.blocks, axis.block_px)
-    return np.asarray(there @ axis.weights.T.astype(np.float64)).ravel()
+    return np.asarray(there.astype(np.float64) @ axis.weights.T.astype(np.float64)).ravel()

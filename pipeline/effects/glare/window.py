@@ -20,7 +20,6 @@ from __future__ import annotations
 import dataclasses
 import functools
 import math
-from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -152,7 +151,8 @@ def _glare(
     corner = (_corner(gaze_px[1], window.rows, view.height_px), _corner(gaze_px[0], window.columns, view.width_px))
     reach = window.rows - 1, window.columns - 1
     size = window.fft_rows, window.fft_columns
-    arguments = (
+    result = _convolve(
+        onto,
         rgb,
         tuple(convolve.transform(component, *size, reach, dtype) for component, _ in mixture),
         convolve.weights(mixture, dtype),
@@ -161,8 +161,8 @@ def _glare(
         corner,
         None if ceiling_cd_m2 is None else np.float32(ceiling_cd_m2),
         above,
+        window,
     )
-    result = _onto_itself(*arguments, window=window) if onto is None else _onto(onto, *arguments, window=window)
     if above is None:
         return result
     away_px = np.hypot(at[:, 0] + 0.5 - gaze_px[1], at[:, 1] + 0.5 - gaze_px[0])
@@ -183,8 +183,9 @@ def _corner(gaze_px: float, side_px: int, frame_px: int) -> int:
     return round(min(max(gaze_px - side_px / 2, 0), frame_px - side_px))
 
 
+@functools.partial(jax.jit, static_argnames="window", donate_argnames="onto")
 def _convolve(
-    onto: Float[Array, "3 y x"],
+    onto: Float[Array, "3 y x"] | None,
     rgb: Float[Array, "3 y x"],
     transforms: tuple[Complex[Array, "o i u v"], ...],
     weights: Float[Array, "n"],
@@ -206,20 +207,16 @@ def _convolve(
         light = jnp.where(luminance(jax.lax.dynamic_slice(rgb, start, size)) > above_cd_m2, 0, light)
     if math.isfinite(window.reach_px):
         light = light * falloff(jnp.sqrt(dy[:, None] ** 2 + dx[None, :] ** 2) / np.float32(window.reach_px))
-    light = light.astype(staying.dtype)
+    # Kept apart, since XLA would otherwise weigh the light again for each use, and add change by change.
+    light = jax.lax.optimization_barrier(light.astype(staying.dtype))
     arrives = convolve.spread(light, transforms, weights, window.fft_columns)[:, : window.rows, : window.columns]
     lands = (jnp.abs(dy) < window.lands_px)[:, None] & (jnp.abs(dx) < window.lands_px)[None, :]
-    change = convolve.through(staying[:, :, None, None], light) + jnp.where(lands, arrives, 0)
-    now = jax.lax.dynamic_slice(onto, start, size)
-    return jax.lax.dynamic_update_slice(onto, (now + change).astype(jnp.float32), start)
-
-
-_onto = jax.jit(_convolve, static_argnames="window", donate_argnames="onto")
-
-
-@functools.partial(jax.jit, static_argnames="window")
-def _onto_itself(rgb: Float[Array, "3 y x"], *arguments: Any, **window: Window) -> Float[Array, "3 y x"]:
-    return _convolve(rgb, rgb, *arguments, **window)
+    change = jax.lax.optimization_barrier(
+        convolve.through(staying[:, :, None, None], light) + jnp.where(lands, arrives, 0)
+    )
+    image = rgb if onto is None else onto
+    now = jax.lax.dynamic_slice(image, start, size)
+    return jax.lax.dynamic_update_slice(image, (now + change).astype(jnp.float32), start)
 
 
 def falloff(share_of_reach: convolve.Values) -> convolve.Values:

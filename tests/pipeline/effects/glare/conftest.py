@@ -1,3 +1,4 @@
+import functools
 from collections.abc import Callable
 
 import numpy as np
@@ -11,6 +12,7 @@ from pipeline.measure import Measurement, measure
 MakeComponent = Callable[..., Component]
 
 
+@functools.cache
 def _component(seed: int, radius: int, *, channels: int = 3, veil_share: float = 0.05) -> Component:
     """A ragged kernel falling with the square of the distance; its colours leave Rec.709, its luminance is positive."""
     random = np.random.default_rng(seed)

@@ -1,0 +1,160 @@
+"""Light that breaks glare: the sun beside starlight, single pixels, darkness, frames of any size, impossible pupils."""
+
+import functools
+import math
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from pipeline.effects import glare
+from pipeline.effects.glare import models, reference
+from pipeline.effects.glare.kernel import Mixture, component
+from pipeline.effects.glare.settings import Glare, GlareLevel
+from pipeline.frame import Frame, FrameError, View
+from pipeline.measure import luminance, measure
+from pipeline.observer import Observer
+from pipeline.optics import analytic, whole
+from pipeline.optics.aperture import Pose
+from pipeline.render import Looking
+
+LEVELS = [GlareLevel.VEIL, GlareLevel.SOURCES, GlareLevel.WINDOW, GlareLevel.FRAME]
+OBSERVER = Observer(particles=50, gratings=0)
+SUN_CD_M2, SUN_DEG = 1.6e9, 0.53
+SIGHTS = {"14 ppd": (View(512, 512, 36.5), (10.6, 12.3)), "8 ppd, odd": (View(301, 411, 35.0), (291.4, 400.2))}
+"""A view, and where in it the sun is: (x, y) px, in a corner."""
+
+
+@functools.lru_cache(maxsize=4)
+def wave(pixels_per_deg: float) -> Mixture:
+    """One pupil's kernel, of a coarse plane and few wavelengths: with the veil, and coloured."""
+    return ((models.wave_component(OBSERVER, Pose(4.0), pixels_per_deg, grid=512, wavelengths=8), 1.0),)
+
+
+@functools.lru_cache(maxsize=4)
+def compact(pixels_per_deg: float) -> Mixture:
+    """A kernel without a veil, narrower than half a frame: so the far corner is truly dark."""
+    part = models.formula_component(analytic.ijspeert, (4.0, 35.0, 0.142), pixels_per_deg)
+    near = np.asarray(part.scatters, np.float64)
+    return ((component(near, None, 0.0), 1.0),)
+
+
+def scattered(rgb: np.ndarray, view: View, kernel: Mixture, level: GlareLevel) -> np.ndarray:
+    image = jnp.asarray(rgb, jnp.float32)
+    measured = measure(Frame(image[None], view))[0]
+    middle = (view.width_px / 2, view.height_px / 2)
+    sight = glare.Sight(view, measured, middle, kernel, OBSERVER, Pose(4.0), 1.0)
+    return np.asarray(glare.scatter(image, sight, Glare(level=level)), np.float64)
+
+
+def sun(view: View, x_px: float, y_px: float) -> np.ndarray:
+    """Starlight, and the sun's disc with the edge that a camera's pixels would have."""
+    part = (np.arange(5) + 0.5) / 5
+    v = ((np.arange(view.height_px)[:, None] + part).ravel() - view.height_px / 2) / view.focal_px
+    u = ((np.arange(view.width_px)[:, None] + part).ravel() - view.width_px / 2) / view.focal_px
+    sun_u, sun_v = (x_px - view.width_px / 2) / view.focal_px, (y_px - view.height_px / 2) / view.focal_px
+    length = np.sqrt(1 + v[:, None] ** 2 + u[None, :] ** 2) * math.sqrt(1 + sun_v**2 + sun_u**2)
+    inside = (1 + v[:, None] * sun_v + u[None, :] * sun_u) / length > math.cos(math.radians(SUN_DEG / 2))
+    share = inside.reshape(view.height_px, 5, view.width_px, 5).mean(axis=(1, 3))
+    return np.broadcast_to(1e-3 + SUN_CD_M2 * share, (3, *share.shape)).astype(np.float32)
+
+
+def dark_corner(view: View, sun_px: tuple[float, float]) -> tuple[slice, slice, slice]:
+    """Far from the sun, but no nearer to the frame's edges than a kernel reaches: these lose light of their own."""
+    radius = whole.kernel_radius_px(view.ppd_centre)
+    sides = [
+        slice(size // 2, size - radius) if at < size / 2 else slice(radius, size // 2)
+        for at, size in zip(reversed(sun_px), (view.height_px, view.width_px), strict=True)
+    ]
+    return (slice(None), *sides)
+
+
+@functools.lru_cache(maxsize=4)
+def truth(name: str, kernel_name: str) -> np.ndarray:
+    view, at = SIGHTS[name]
+    kernel = {"wave": wave, "compact": compact}[kernel_name](view.ppd_centre)
+    return reference.reference_glare(sun(view, *at), view, *reference.of_mixture(kernel), brightest=100)
+
+
+@pytest.mark.parametrize("level", LEVELS)
+@pytest.mark.parametrize("name", SIGHTS)
+def test_the_sun_beside_starlight(name: str, level: GlareLevel) -> None:
+    """In float32, and nothing below 0: 1 % in the dark corner, which the sun's veil lights."""
+    view, at = SIGHTS[name]
+    image = scattered(sun(view, *at), view, wave(view.ppd_centre), level)
+    corner = dark_corner(view, at)
+    assert truth(name, "wave")[corner].min() > 100
+    np.testing.assert_allclose(image[corner], truth(name, "wave")[corner], rtol=0.01)
+    assert np.asarray(luminance(jnp.asarray(image))).min() >= 0
+
+
+@pytest.mark.parametrize("level", LEVELS)
+@pytest.mark.parametrize("name", SIGHTS)
+def test_the_sun_without_a_veil_leaves_starlight_as_it_is(name: str, level: GlareLevel) -> None:
+    """The same where the truth is 1e-3 cd/m²: a float32 FFT of the frame has thousands of times that in noise."""
+    view, at = SIGHTS[name]
+    image = scattered(sun(view, *at), view, compact(view.ppd_centre), level)
+    corner = dark_corner(view, at)
+    np.testing.assert_allclose(truth(name, "compact")[corner], 1e-3, rtol=1e-5)
+    np.testing.assert_allclose(image[corner], 1e-3, rtol=0.01)
+    assert np.asarray(luminance(jnp.asarray(image))).min() >= 0
+
+
+@pytest.mark.parametrize("level", LEVELS)
+def test_an_all_black_frame_stays_exactly_black(level: GlareLevel) -> None:
+    view = View(96, 80, 40.0)
+    assert not scattered(np.zeros((3, 80, 96)), view, wave(view.ppd_centre), level).any()
+
+
+@pytest.mark.parametrize("level", LEVELS)
+def test_one_white_pixel_stays_where_it_is(level: GlareLevel) -> None:
+    view = View(96, 80, 40.0)
+    rgb = np.zeros((3, 80, 96))
+    rgb[:, 41, 50] = 100.0
+    image = scattered(rgb, view, wave(view.ppd_centre), level)
+    y = np.asarray(luminance(jnp.asarray(image)))
+    assert np.unravel_index(y.argmax(), y.shape) == (41, 50)
+    assert y.sum() <= 100 * (1 + 1e-5)
+
+
+@pytest.mark.parametrize("level", LEVELS)
+def test_a_nan_pixel_is_black_and_spreads_nothing(level: GlareLevel) -> None:
+    rgb = np.full((80, 96, 3), 1.0, np.float32)
+    black = rgb.copy()
+    black[40, 30] = 0.0
+    rgb[40, 30] = math.nan
+    cleaned, expected = (np.asarray(Frame.from_rgb(pixels, 40.0).rgb_cd_m2[0]) for pixels in (rgb, black))
+    view = View(96, 80, 40.0)
+    images = [scattered(pixels, view, wave(view.ppd_centre), level) for pixels in (cleaned, expected)]
+    assert np.isfinite(images[0]).all()
+    assert np.array_equal(*images)
+
+
+@pytest.mark.parametrize("level", LEVELS)
+@pytest.mark.parametrize("size", [(1, 1), (1, 7), (7, 1), (2, 2), (5, 3)])
+def test_a_kernel_larger_than_the_frame(size: tuple[int, int], level: GlareLevel) -> None:
+    """At 14 pixels per degree a kernel has 253² pixels, these frames have few; light that leaves them is lost."""
+    height, width = size
+    view = View(width, height, 1.0)
+    rgb = np.random.default_rng(height).lognormal(3, 2, (3, height, width)).astype(np.float32)
+    kernel = wave(13.5)
+    image = scattered(rgb, view, kernel, level)
+    assert image.shape == rgb.shape
+    assert np.isfinite(image).all()
+    assert np.asarray(luminance(jnp.asarray(image))).min() >= 0
+    if level is GlareLevel.FRAME:
+        expected = reference.reference_glare(rgb, view, *reference.of_mixture(kernel))
+        np.testing.assert_allclose(image, expected, rtol=1e-4, atol=1e-4 * rgb.max())
+
+
+@pytest.mark.parametrize("pupil_mm", [0.0, -1.0, math.nan, math.inf])
+def test_an_impossible_pupil_is_refused_by_name(pupil_mm: float) -> None:
+    with pytest.raises(FrameError, match="pupil"):
+        Looking(pupil_mm=pupil_mm)
+
+
+@pytest.mark.parametrize(("pupil_mm", "counts_as"), [(0.5, 2.0), (1.9999, 2.0), (12.0, 8.0)])
+def test_a_pupil_out_of_range_counts_as_the_nearest(pupil_mm: float, counts_as: float) -> None:
+    at = [models.mixture(glare.GlareModel.IJSPEERT, OBSERVER, Pose(mm), 1.0, 8.0) for mm in (pupil_mm, counts_as)]
+    assert at[0] == at[1]
+    assert models.pupil_steps(pupil_mm) == models.pupil_steps(counts_as)
