@@ -4,11 +4,17 @@ At a focused pupil plane the function only scales with the wavelength: F_λ(θ) 
 E10). So one function serves all wavelengths, its samples λ/W wide at each. The light of a pixel is the sum of the
 samples that it covers, wholly or in part: B·F·Bᵀ with a sparse matrix B of the shares of samples in pixels. It is exact
 for any wavelength, pixel size and position, only adds what is positive, and keeps each wavelength's energy.
+
+What this costs is memory traffic, not arithmetic. So a few rows of the kernel are made at once, for all wavelengths:
+they need neighbouring samples, and all that lies between the function and the kernel stays in the processor's cache.
 """
 
 from __future__ import annotations
 
+import functools
+import os
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import scipy.sparse
@@ -18,9 +24,9 @@ from numpy.typing import NDArray
 from pipeline.optics.diffraction import bin_deg, point_spread
 from pipeline.optics.light_spectra import RANGE_NM
 
-BATCH = 8
-"""Wavelengths whose light is held at once. Engineering choice: enough for one product with their weights, and 32 MB for
-a kernel of 1024² pixels."""
+ROWS = 32
+"""Of a kernel that are made at once. Engineering choice: 4 MB for 32 wavelengths and a function of 1024² samples."""
+CACHE_LINE_BYTES = 64
 
 
 def kernel_radius_px(n: int, pixels_per_deg: float) -> int:
@@ -48,7 +54,7 @@ def scaled_kernel(
     if taper is not None:
         light = tapered(light, taper)
     radius = kernel_radius_px(light.shape[0], pixels_per_deg) if radius_px is None else radius_px
-    return _summed(lambda _: light, nm, weights, pixels_per_deg, shift_px, radius)
+    return _over_pixels(light, nm, weights, pixels_per_deg, shift_px, 2 * radius + 1)
 
 
 def fresh_kernel(
@@ -65,13 +71,16 @@ def fresh_kernel(
     `plane` is the pupil plane at a wavelength in nm, of the same size at each.
     """
 
-    def light(wavelength_nm: float) -> NDArray[np.floating]:
-        psf = np.asarray(point_spread(np.asarray(plane(wavelength_nm), np.complex128)))
-        return psf if taper is None else tapered(psf, taper)
-
-    if radius_px is None:
-        radius_px = kernel_radius_px(plane(float(nm[0])).shape[0], pixels_per_deg)
-    return _summed(light, nm, weights, pixels_per_deg, shift_px, radius_px)
+    n = plane(float(nm[0])).shape[0]
+    radius = kernel_radius_px(n, pixels_per_deg) if radius_px is None else radius_px
+    kernel = np.zeros((*weights.shape[1:], 2 * radius + 1, 2 * radius + 1))
+    for index, wavelength_nm in enumerate(nm):
+        light = np.asarray(point_spread(np.asarray(plane(float(wavelength_nm)), np.complex128)))
+        if taper is not None:
+            light = tapered(light, taper)
+        one = slice(index, index + 1)
+        kernel += _over_pixels(light, nm[one], weights[one], pixels_per_deg, shift_px, 2 * radius + 1)
+    return kernel
 
 
 def tapered(psf: NDArray[np.floating], taper: tuple[float, float]) -> NDArray[np.floating]:
@@ -80,61 +89,87 @@ def tapered(psf: NDArray[np.floating], taper: tuple[float, float]) -> NDArray[np
     The field ends smoothly between two shares of its radius n/2: the angle grows with the wavelength as all else. What
     lay outside (`share_outside`) is light that an FFT folds back from beyond the field, so it is none of the corners'.
     """
-    inside = psf * _field(psf.shape[0], taper).astype(psf.dtype)
-    return np.asarray(inside * (psf.sum(dtype=np.float64) / inside.sum(dtype=np.float64)), psf.dtype)
+    inside = psf * _field(len(psf), taper, psf.dtype)
+    inside *= _sum(psf) / _sum(inside)
+    return inside
 
 
 def share_outside(psf: NDArray[np.floating], taper: tuple[float, float]) -> float:
     """The share of the light that a taper takes from the field's edge and spreads over the rest."""
-    inside = (psf * _field(psf.shape[0], taper)).sum(dtype=np.float64)
-    return float(1 - inside / psf.sum(dtype=np.float64))
+    return 1 - _sum(psf * _field(len(psf), taper, psf.dtype)) / _sum(psf)
 
 
-def _field(n: int, taper: tuple[float, float]) -> Float[np.ndarray, "n n"]:
+def _sum(psf: NDArray[np.floating]) -> float:
+    """By rows, pairwise, then in float64."""
+    return float(psf.sum(axis=1).sum(dtype=np.float64))
+
+
+@functools.lru_cache(maxsize=1)
+def _field(n: int, taper: tuple[float, float], kind: np.dtype[np.floating]) -> NDArray[np.floating]:
     low, high = taper
     x = (np.arange(n) - n // 2) / (n / 2)
     position = np.clip((high - np.hypot(x[:, None], x[None, :])) / (high - low), 0, 1)
-    return position * position * (3 - 2 * position)
+    return (position * position * (3 - 2 * position)).astype(kind)
 
 
-def _summed(
-    light_at: Callable[[float], NDArray[np.floating]],
+def _over_pixels(
+    psf: NDArray[np.floating],
     nm: Float[np.ndarray, "wavelength"],
     weights: Float[np.ndarray, "wavelength *c"],
     pixels_per_deg: float,
     shift_px: tuple[float, float],
-    radius_px: int,
+    k: int,
 ) -> Float[np.ndarray, "*c k k"]:
-    k = 2 * radius_px + 1
-    flat = np.asarray(weights, np.float64).reshape(len(nm), -1)
-    kernel = np.zeros((flat.shape[1], k * k))
-    for start in range(0, len(nm), BATCH):
-        batch = slice(start, start + BATCH)
-        light = np.stack(
-            [_over_pixels(light_at(float(at)), float(at), pixels_per_deg, shift_px, k) for at in nm[batch]]
-        )
-        kernel += flat[batch].T.astype(light.dtype) @ light.reshape(len(light), -1)
+    """The light in k × k pixels, from a function that scales with the wavelength."""
+    n, count = len(psf), len(nm)
+    # A column of samples a power of two apart would fall into a few places of the cache, over and over.
+    width = n + CACHE_LINE_BYTES // psf.itemsize
+    samples = np.zeros((n, width), psf.dtype)
+    samples[:, :n] = psf
+    down, right = (_pixel_edges(n, nm, pixels_per_deg, shift, k) for shift in shift_px)
+    by_column = _shares(right, n, psf.dtype, apart=width)
+    of_channel = weights.reshape(count, -1).T.astype(psf.dtype)
+    kernel = np.empty((len(of_channel), k, k))
+
+    def make_rows(start: int) -> None:
+        edges = down[:, start : start + ROWS + 1]
+        rows = edges.shape[1] - 1
+        light = (_shares(edges, n, psf.dtype) @ samples).reshape(count, rows, width)
+        turned = np.ascontiguousarray(light.transpose(0, 2, 1)).reshape(count * width, rows)
+        in_pixels = (by_column @ turned).reshape(count, k, rows)
+        # Not a matrix product: BLAS is slow with so few channels and would start threads of its own.
+        kernel[:, start : start + rows] = np.einsum("cl,lxy->cyx", of_channel, in_pixels)
+
+    with ThreadPoolExecutor(os.cpu_count()) as threads:
+        for done in [threads.submit(make_rows, start) for start in range(0, k, ROWS)]:
+            done.result()
     return kernel.reshape(*weights.shape[1:], k, k)
 
 
-def _over_pixels(
-    psf: NDArray[np.floating], wavelength_nm: float, pixels_per_deg: float, shift_px: tuple[float, float], k: int
-) -> NDArray[np.floating]:
-    """The light of one wavelength in k × k pixels."""
-    sample_px = bin_deg(wavelength_nm) * pixels_per_deg
-    down, right = (_shares(len(psf), sample_px, shift, k).astype(psf.dtype) for shift in shift_px)
-    # Twice from the left: whole rows are added up, and the transpose between is small where pixels are wide.
-    by_row = np.ascontiguousarray((down @ psf).T)
-    return (right @ by_row).T
+def _pixel_edges(
+    n: int, nm: Float[np.ndarray, "wavelength"], pixels_per_deg: float, shift_px: float, k: int
+) -> Float[np.ndarray, "wavelength k+1"]:
+    """Where pixels end, in samples from the lower edge of the first: sample i is i − ½ … i + ½ around its direction."""
+    samples_px = 1 / (np.array([bin_deg(float(wavelength)) for wavelength in nm]) * pixels_per_deg)
+    return (np.arange(k + 1) - k / 2 - shift_px) * samples_px[:, None] + n // 2 + 0.5
 
 
-def _shares(n: int, sample_px: float, shift_px: float, k: int) -> scipy.sparse.csr_array:
-    """Which share of each of n samples, n//2 of them before the light itself, lies in each of k pixels."""
-    # Sample i covers i − ½ … i + ½ around its direction. In samples from the first one's lower edge:
-    pixel_edges = (np.arange(k + 1) - k / 2 - shift_px) / sample_px + n // 2 + 0.5
-    cuts = np.sort(np.concatenate([pixel_edges[(pixel_edges > 0) & (pixel_edges < n)], np.arange(n + 1.0)]))
-    middles, lengths = (cuts[1:] + cuts[:-1]) / 2, np.diff(cuts)
-    pixels = np.searchsorted(pixel_edges, middles) - 1
-    seen = (pixels >= 0) & (pixels < k) & (lengths > 0)
-    places = (pixels[seen], middles[seen].astype(np.int64))
-    return scipy.sparse.csr_array((lengths[seen], places), shape=(k, n))
+def _shares(
+    edges: Float[np.ndarray, "wavelength k+1"], n: int, kind: np.dtype[np.floating], apart: int = 0
+) -> scipy.sparse.csr_array:
+    """Which share of each of n samples lies in each pixel, one row a pixel, all pixels of a wavelength together.
+
+    With `apart` each wavelength has samples of its own, so many columns after those of the last.
+    """
+    count, pixels = edges.shape[0], edges.shape[1] - 1
+    inside = np.clip(edges, 0, n)
+    low, high = inside[:, :-1].ravel(), inside[:, 1:].ravel()
+    first = low.astype(np.int32)
+    touched = np.where(high > low, np.ceil(high).astype(np.int32) - first, 0)
+    begins = np.concatenate([[0], np.cumsum(touched)]).astype(np.int32)
+    sample = np.arange(begins[-1], dtype=np.int32) - np.repeat(begins[:-1] - first, touched)
+    share = np.minimum(sample + 1, np.repeat(high, touched)) - np.maximum(sample, np.repeat(low, touched))
+    block = np.repeat(np.arange(count, dtype=np.int32) * apart, touched.reshape(count, pixels).sum(axis=1))
+    return scipy.sparse.csr_array(
+        (share.astype(kind), sample + block, begins), shape=(count * pixels, count * apart or n)
+    )

@@ -2,8 +2,10 @@
 
 Near the axis it is what wave optics makes of this person's pupil plane. A pupil plane of n samples holds no more than a
 field of ±n/2 samples, which ends at 1.23 times the angle of the fibres' halo at every wavelength; there the core is
-tapered and CIE 135's total glare function goes on. The energy is accounted for: what CIE has beyond the taper is taken
-from the core, so each wavelength's volume over the hemisphere is 1.
+tapered and CIE 135's total glare function goes on. Within the field too there is scattering that no sample of the plane
+holds, the retina's and that of particles finer than the samples: it is smooth, and takes its share of CIE's light.
+The energy is accounted for: what comes from CIE is taken from the core, so each wavelength's volume over the hemisphere
+is 1.
 
 To be applied, it is cut in two by angle: the kernel, laid over display pixels, that ends at 9°; and the smooth veil
 beyond, which needs no resolution but true angles.
@@ -24,6 +26,13 @@ from pipeline.optics.diffraction import bin_deg
 FIELD_TAPER = (0.88, 1.0)
 """Shares of the field's radius between which the core gives way. Engineering choice: beyond the halo (0.81, its outer
 flank ends at 0.87), within the circle that the square field holds."""
+UNRESOLVED_SHARE = 0.72
+"""Of the light that an eye scatters within the field, what no structure on the plane does: a fifth is the retina's (RIT
+Table 1), and the particles' median is 0.7 µm (LUI §2.1.4), a sixth of a sample. Engineering choice: the structures of
+the default eye scatter 0.28 of CIE's light at 1–2° (measured, 4–8 mm, halo aside), so this brings the sum to CIE's."""
+UNRESOLVED_DEG = 0.3
+"""Where that begins, as θ²/(θ² + 0.3²). Engineering choice: further in, CIE's light is that of aberrations (its term of
+0.045°), which blur and do not scatter."""
 VEIL_DEG = (4.5, 9.0)
 """Angles between which the kernel gives way to the veil. Engineering choice: a rise that tiles of 2.4° can follow, and
 a kernel that is still small."""
@@ -47,10 +56,28 @@ def kernel_radius_px(pixels_per_deg: float) -> int:
     return int(np.ceil(VEIL_DEG[1] * pixels_per_deg))
 
 
-def beyond_field(deg: Angles, nm: float, n: int) -> Angles:
-    """The share of the function at an angle that does not come from wave optics of an n × n pupil plane."""
-    field_deg = n / 2 * bin_deg(nm)
-    return smooth_step(np.asarray(deg, np.float64) / field_deg, *FIELD_TAPER)
+def beyond_core(
+    deg: Angles,
+    nm: tuple[float, ...],
+    weights: tuple[float, ...],
+    n: int,
+    age_years: float,
+    pigmentation: float,
+) -> Angles:
+    """What at an angle does not come from wave optics of an n × n pupil plane, in sr⁻¹: CIE's beyond
+    its field and what it cannot resolve within.
+
+    Of light with these weights at these wavelengths.
+    """
+    deg = np.asarray(deg, np.float64)
+    outside = np.asarray(
+        sum(
+            weight * smooth_step(deg / (n / 2 * bin_deg(wavelength)), *FIELD_TAPER)
+            for wavelength, weight in zip(nm, weights, strict=True)
+        )
+    )
+    unresolved = UNRESOLVED_SHARE * deg**2 / (deg**2 + UNRESOLVED_DEG**2) * (sum(weights) - outside)
+    return analytic.cie135(deg, age_years, pigmentation) * (outside + unresolved)
 
 
 @functools.lru_cache(maxsize=1024)
@@ -61,7 +88,7 @@ def shares(nm: float, n: int, age_years: float, pigmentation: float) -> tuple[fl
     """
 
     def beyond(deg: Angles) -> Angles:
-        return analytic.cie135(deg, age_years, pigmentation) * beyond_field(deg, nm, n) * (1 - veil_part(deg))
+        return beyond_core(deg, (nm,), (1.0,), n, age_years, pigmentation) * (1 - veil_part(deg))
 
     near, veil = radial.hemisphere_volume(beyond), _veil_share(age_years, pigmentation)
     return 1 - near - veil, near, veil
@@ -148,11 +175,8 @@ def _cie_near(
     channels = np.empty((flat.shape[1], 2 * radius + 1, 2 * radius + 1))
     for channel in range(flat.shape[1]):
 
-        def density(deg: Angles, of_channel: NDArray[np.float64] = flat[:, channel]) -> Angles:
-            outside = sum(
-                weight * beyond_field(deg, wavelength, n) for weight, wavelength in zip(of_channel, nm, strict=True)
-            )
-            return analytic.cie135(deg, age_years, pigmentation) * outside * (1 - veil_part(deg))
+        def density(deg: Angles, of_channel: tuple[float, ...] = tuple(flat[:, channel])) -> Angles:
+            return beyond_core(deg, nm, of_channel, n, age_years, pigmentation) * (1 - veil_part(deg))
 
         channels[channel] = radial.pixel_integrated(density, pixels_per_deg, radius, radius)
     return channels.reshape(*weights_shape[1:], *channels.shape[1:])

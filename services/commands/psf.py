@@ -52,7 +52,7 @@ def psf(
     adaptation: Annotated[
         float, typer.Option(metavar="CD_M2", min=1e-6, max=1e6, help="Luminance the eye is adapted to, for spe.")
     ] = 0.01,
-    field_deg: Annotated[float, typer.Option(min=0.05, max=60, help="Width of the picture.")] = 9.0,
+    field_deg: Annotated[float, typer.Option(min=0.5, max=60, help="Width of the picture.")] = 9.0,
     size_px: Annotated[int, typer.Option(min=101, max=2001, help="Its pixels; an even number is taken one up.")] = 721,
     sheets: Annotated[
         bool, typer.Option("--sheets", help="Also pictures side by side: pupils, ages, spectra …; minutes.")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import dataclasses
+import math
 import shutil
 import time
 from collections.abc import Iterator
@@ -19,7 +20,7 @@ from pipeline.effects.glare.models import GRID, GlareModel
 from pipeline.frame import FrameError
 from pipeline.optics.aperture import pupil_plane
 from services.psf import film, layout, plots, profile
-from services.psf.picture import SCALE, displayed, radiance
+from services.psf.picture import SCALE, Scale, displayed, radiance
 from services.psf.sheets import SHEETS
 from services.psf.subject import Subject
 
@@ -61,9 +62,10 @@ def run(subject: Subject, wanted: Wanted, out: Path, console: Console) -> None:
 def _write_eye(subject: Subject, wanted: Wanted, folder: Path, console: Console) -> None:
     size_px = wanted.size_px | 1
     words = captions(subject)
-    image = displayed(radiance(subject, size_px, wanted.field_deg))
-    scale = f"{wanted.field_deg:g}° wide · lightness: {SCALE}, rings: degrees from the light"
-    plots.write_psf(folder / "psf.png", image, wanted.field_deg, SCALE, [*words, scale])
+    scale = scale_for(subject, wanted.field_deg)
+    image = displayed(radiance(subject, size_px, wanted.field_deg), scale)
+    ruler = f"{wanted.field_deg:g}° wide · lightness: {scale}, rings: degrees from the light"
+    plots.write_psf(folder / "psf.png", image, wanted.field_deg, scale, [*words, ruler])
     plane = np.asarray(pupil_plane(subject.observer, subject.pose, GRID))
     plots.write_pupil_plane(folder / "pupil_plane.png", plane, words)
     profile.write_tables(subject, folder)
@@ -91,6 +93,17 @@ def _write_sheets(subject: Subject, folder: Path, console: Console) -> None:
             layout.write(folder / f"sheet_{name}.jpg", make(subject))
 
 
+def scale_for(subject: Subject, field_deg: float) -> Scale:
+    """As many decades as SCALE, black at or below what the middle of the field's edges gets: SCALE itself at 9°.
+
+    In steps of half a decade, so that eyes which differ a little are shown alike.
+    """
+    edge = np.array(field_deg / 2)
+    light = profile.density(profile.luminous(subject), edge / profile.RATIO_RING, edge * profile.RATIO_RING)
+    low = math.floor(2 * math.log10(float(light))) / 2
+    return Scale(low, low + SCALE.high - SCALE.low)
+
+
 def captions(subject: Subject) -> list[str]:
     """What was shown, in two lines."""
     eye, pose = subject.observer, subject.pose
@@ -101,7 +114,9 @@ def captions(subject: Subject) -> list[str]:
     if pose.openness < 1 or pose.lashes:
         first += f" · lids {pose.openness:.0%} open{', lashes' if pose.lashes else ''}"
     if subject.model is not GlareModel.WAVE:
-        return [first, _NAMES[subject.model]]
+        name = _NAMES[subject.model]
+        adapted = f", adapted to {subject.adapted_cd_m2:g} cd/m²" if subject.model is GlareModel.SPE else ""
+        return [first, name + adapted]
     second = f"{eye.particles} particles of {eye.particle_mm * 1e3:g} µm · {eye.gratings} gratings"
     second += f" · {eye.cornea_cells} cornea cells · {eye.vitreous_particles} vitreous particles · seed {eye.seed}"
     return [first, second]

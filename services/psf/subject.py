@@ -54,13 +54,13 @@ class Subject:
         return of(self.observer, self.pose)
 
     def formula(self, deg: Angles, nm: float) -> Angles:
-        """The model's density in sr⁻¹ at a wavelength; for the wave model, what lies beyond the core's field."""
+        """The model's density in sr⁻¹ at a wavelength; for the wave model, what does not come from its core."""
         age = self.observer.age_years
         match self.model:
             case GlareModel.WAVE:
                 far = whole.veil_part(deg)
-                beyond = whole.beyond_field(deg, nm, GRID) * (1 - far) + far
-                return analytic.cie135(deg, age, self.pigmentation) * beyond
+                near = whole.beyond_core(deg, (nm,), (1.0,), GRID, age, self.pigmentation)
+                return near * (1 - far) + analytic.cie135(deg, age, self.pigmentation) * far
             case GlareModel.CIE:
                 return analytic.cie135(deg, age, self.pigmentation)
             case GlareModel.IJSPEERT:

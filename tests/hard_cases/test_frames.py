@@ -2,13 +2,12 @@
 
 import math
 
-import jax.numpy as jnp
 import numpy as np
 import pytest
 
 from pipeline import Frame, FrameError, Looking, Observer, Perceived, RenderState, perceive
-from pipeline.effects import adaptation, glare
-from pipeline.frame import View, clean
+from pipeline.effects import adaptation
+from pipeline.frame import clean
 
 SMALL = Observer(particles=50, gratings=20)
 
@@ -72,28 +71,6 @@ def test_starlight_and_the_sun_together() -> None:
     assert perceived.image[0, 3, 3].min() >= 250
     assert np.isfinite(np.asarray(perceived.linear)).all()
     assert np.asarray(perceived.linear).min() >= 0
-
-
-def test_the_sun_in_one_corner_leaves_the_other_darker_than_a_plain_fft_does() -> None:
-    """A plain float32 FFT of the whole kernel spreads its rounding over the frame, negative values included."""
-    view = View(512, 512, 40.0)
-    frame = np.full((3, 512, 512), 1e-3, np.float32)
-    frame[:, 4, 4] = 1.6e9
-    corner = np.s_[:, 480:, 480:]
-    glared = np.asarray(glare.wave_glare(frame, view, Observer(), 4.0, (256.0, 256.0)))
-    kernel = glare.wave_kernel(Observer(), 16, view.ppd_centre)
-    radius = kernel.scatters.shape[1] // 2
-    whole = kernel.scatters.at[:, radius, radius].add(kernel.stays)
-    size = 512 + 2 * radius
-    light = np.zeros((3, size, size), np.float32)
-    light[:, :512, :512] = frame
-    plain = np.asarray(jnp.fft.irfft2(jnp.fft.rfft2(light) * glare.transform(whole, size, size), s=(size, size)))
-    # Without the padding, into which the sun scatters round the edge.
-    plain = plain[:, :512, :512]
-    errors = [np.abs(image[corner] - 1e-3).max() for image in (glared, plain)]
-    assert glared.min() >= 0
-    assert errors[0] < 0.05
-    assert errors[1] > 60 * errors[0]
 
 
 def test_denormals_are_darkness() -> None:

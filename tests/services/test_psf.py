@@ -291,5 +291,11 @@ def test_all_that_is_written_of_an_eye(tmp_path: Path) -> None:
     assert said.file.getvalue().count("1.00") == len(profile.RATIOS_DEG)  # type: ignore[attr-defined]
 
 
-def test_the_default_scale_is_stated() -> None:
+def test_the_scale_is_stated_and_follows_the_field() -> None:
     assert str(SCALE) == "0.32 to 3162 sr⁻¹, 4 decades"
+    assert results.scale_for(CIE, 9.0) == results.scale_for(EYE, 9.0) == SCALE
+    for field_deg in (0.1, 1.0, 60.0):
+        scale = results.scale_for(EYE, field_deg)
+        code = displayed(radiance(dataclasses.replace(EYE, wavelengths=4), 61, field_deg), scale)
+        assert code[0, 30].max() < 128, "its edge is dark"
+        assert code[30, 30].min() == 255

@@ -63,15 +63,17 @@ def scatter(rgb: Float[Array, "3 y x"], sight: Sight, settings: Glare) -> Float[
         return _with_lights(result, sight)
     veiling = rgb if ceiling is None else rgb * convolve.spill_share(luminance(rgb), ceiling)
     result = veil.veil_change(veiling, view, kernel, onto=rgb)
+    # The memory of `onto` is taken over; a kernel without a veil left the caller's own.
+    onto = None if result is rgb else result
     match settings.level:
         case GlareLevel.SOURCES:
-            result, _ = sources.glare_sources(rgb, kernel, sight.measured, ceiling_cd_m2=ceiling, onto=result)
+            result, _ = sources.glare_sources(rgb, kernel, sight.measured, ceiling_cd_m2=ceiling, onto=onto)
         case GlareLevel.WINDOW:
             result = window.glare_window(
-                rgb, view, kernel, sight.gaze_px, sight.measured, ceiling_cd_m2=ceiling, onto=result
+                rgb, view, kernel, sight.gaze_px, sight.measured, ceiling_cd_m2=ceiling, onto=onto
             )
         case GlareLevel.FRAME:
-            result = window.glare_frame(rgb, view, kernel, sight.measured, ceiling_cd_m2=ceiling, onto=result)
+            result = window.glare_frame(rgb, view, kernel, sight.measured, ceiling_cd_m2=ceiling, onto=onto)
     return _with_lights(result, sight)
 
 

@@ -133,16 +133,12 @@ def _field(
 ) -> Complex[Array, "n n"]:
     """The light behind the pupil, before it goes on to the retina."""
     number = jnp.complex128 if double else jnp.complex64
-    if multi_plane:
-        first, later = planes(observer, pose, grid)
-        field = diffraction.through_planes(
-            first.astype(number), [(mask.astype(number), distance_m) for mask, distance_m in later], wavelength_nm
-        )
-    else:
-        field = pupil_plane(observer, pose, grid).astype(number)
+    first, later = planes(observer, pose, grid) if multi_plane else (pupil_plane(observer, pose, grid), ())
+    field = first.astype(number)
     if pose.defocus_d:
+        # At the pupil: what lies behind it stands in a beam that converges elsewhere.
         field = field * diffraction.defocus(grid, pose.defocus_d, pose.diameter_m, wavelength_nm).astype(number)
-    return field
+    return diffraction.through_planes(field, [(mask.astype(number), at_m) for mask, at_m in later], wavelength_nm)
 
 
 def cie_veil(observer: Observer) -> Veil:

@@ -101,31 +101,54 @@ def test_out_of_focus_the_reference_differs_as_the_blur_does_not_scale() -> None
 
 
 @pytest.mark.parametrize("nm", [420.0, 500.0, 575.0, 680.0])
+@pytest.mark.parametrize("diameter_mm", [0.3, 0.4, 0.5])
 @pytest.mark.parametrize("kernel_of", ["scaled", "fresh"])
-def test_airys_dark_ring_in_a_kernel(nm: float, kernel_of: str) -> None:
-    """Of a narrow pupil, over pixels a sixth as wide as its first dark ring is far from the middle."""
-    diameter_m = 0.5e-3
+def test_airys_dark_rings_in_a_kernel(nm: float, diameter_mm: float, kernel_of: str) -> None:
+    """Of pupils so narrow that samples are small beside the rings; wider ones are in test_diffraction.py."""
+    diameter_m = diameter_mm * 1e-3
     disc = np.asarray(aperture.pupil_disc(diameter_m, N), np.float64)
-    ring_deg = math.degrees(1.2197 * nm * 1e-9 / diameter_m)
-    wavelengths, weights, pixels_per_deg = np.array([nm]), np.ones(1), 20 / ring_deg
+    lambda_over_d_px = 16
+    pixels_per_deg = lambda_over_d_px / math.degrees(nm * 1e-9 / diameter_m)
+    task = (np.array([nm]), np.ones(1), pixels_per_deg)
     if kernel_of == "fresh":
-        kernel = spectrum.fresh_kernel(lambda _: disc, wavelengths, weights, pixels_per_deg, radius_px=40)
+        kernel = spectrum.fresh_kernel(lambda _: disc, *task, radius_px=60)
     else:
         light = np.asarray(diffraction.point_spread(jnp.asarray(disc, jnp.complex128)))
-        kernel = spectrum.scaled_kernel(light, wavelengths, weights, pixels_per_deg, radius_px=40)
-    x = np.arange(81) - 40
+        kernel = spectrum.scaled_kernel(light, *task, radius_px=60)
+    x = np.arange(121) - 60
     away = np.hypot(x[:, None], x[None, :])
-    rings = np.array([kernel[(away > r - 0.5) & (away <= r + 0.5)].mean() for r in range(28)])
-    near = np.arange(17, 24)
-    curve = np.polyfit(near, rings[near], 3)
-    low = min(np.roots(np.polyder(curve)).real, key=lambda r: abs(r - 20))
-    assert low / pixels_per_deg == pytest.approx(ring_deg, rel=0.02)
+    for ring in (1.2197, 2.2331, 3.2383):
+        ring_px = ring * lambda_over_d_px
+        near = np.abs(away - ring_px) < 4
+        curve = np.polyfit(away[near] - ring_px, kernel[near], 4)
+        error_px = min(np.roots(np.polyder(curve)).real, key=abs)
+        assert error_px / ring_px == pytest.approx(0, abs=0.005)
 
 
 def test_a_kernel_moves_with_its_light() -> None:
     nm, weights = light_spectra.light_weights("D65", 4)
     up, down = (spectrum.scaled_kernel(psf(), nm, weights, 30.0, (shift, 0.0)) for shift in (-0.5, 0.5))
     assert np.abs(down[:, 1:] - up[:, :-1]).max() < 1e-14
+
+
+@pytest.mark.parametrize("shift", [(0.31, -0.44), (-0.5, 0.125)])
+def test_a_light_off_the_middle_has_the_pixels_integrals_there(shift: tuple[float, float]) -> None:
+    """Down and right, in colour, by both ways."""
+    nm, weights = light_spectra.primary_weights(4)
+    kernel = spectrum.scaled_kernel(psf(), nm, weights, 30.0, shift)
+    light = np.stack([plain(psf(), at, 30.0, kernel.shape[-1] // 2, shift) for at in nm])
+    exact = np.einsum("loi,lyx->oiyx", weights, light)
+    assert np.abs(kernel - exact).max() < 1e-14
+    fresh = spectrum.fresh_kernel(lambda _: speckled_plane(), nm, weights, 30.0, shift)
+    assert np.abs(fresh - exact).max() < 1e-14
+
+
+@pytest.mark.parametrize("rows", [1, 7, 32])
+def test_however_many_rows_are_made_at_once(rows: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    nm, weights = light_spectra.primary_weights(4)
+    before = spectrum.scaled_kernel(psf(), nm, weights, 13.85)
+    monkeypatch.setattr(spectrum, "ROWS", rows)
+    assert np.array_equal(spectrum.scaled_kernel(psf(), nm, weights, 13.85), before)
 
 
 def test_a_smaller_kernel_is_the_middle_of_the_whole() -> None:
