@@ -88,7 +88,7 @@ class Perceived:
     pupil_mm: tuple[float, ...]
     """The diameters that were used."""
     milliseconds: dict[str, float]
-    """Time of `measure`, of each effect that ran, and of `encode`, each waited for to its end."""
+    """Time of `measure`, the glare's `kernel`, each effect that ran, and `encode`, each waited for to its end."""
 
 
 def perceive(
@@ -119,9 +119,12 @@ def perceive(
         living.pose_of(motion, observer, pupil_mm, eye.openness, measured=eye.pupil_mm is not None)
         for motion, pupil_mm, eye in zip(moving, pupils, eyes, strict=True)
     ]
-    kernels = tuple(
-        mixture(glare.model, observer, pose, luminance_cd_m2, frame.view.ppd_centre)
-        for pose, luminance_cd_m2 in zip(poses, adapted, strict=True)
+    kernels = clock.time(
+        "kernel",
+        lambda: tuple(
+            mixture(glare.model, observer, pose, luminance_cd_m2, frame.view.ppd_centre)
+            for pose, luminance_cd_m2 in zip(poses, adapted, strict=True)
+        ),
     )
     plan = make_plan(measured, adapted, [bounds(kernel) for kernel in kernels], glare, frame.lights)
     runs = {step.effect for step in plan if step.runs}

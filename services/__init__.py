@@ -15,9 +15,14 @@ calibrate.py   pupils before white and black screens; calibration_display.py ask
                them in a browser, calibration_plot.py draws the result
 detect.py      saccades and blinks of a recording; event_scores.py compares them with labels
 
+render.py      one HDR picture, perceived
+psf/           one person's eye as light: pictures, profiles, sheets, a film
+cost.py        what accuracy costs in time: tables; cost_plots.py draws them
+
 worker.py      the pipeline process: renders what the bridge publishes
 reader.py      its ear: states; event_feed.py: events, the lost ones too
 results.py     what it leaves behind
+results_folder.py  folders that are written whole or not at all
 session.py     starts both, shows progress, gathers the results
 report.py      what a person looks at afterwards
 """

@@ -66,6 +66,7 @@ def _known_errors() -> tuple[type[Exception], ...]:
     from services.control import ControlError
     from services.keys import KeysError
     from services.reader import ReaderError
+    from services.results_folder import ResultsFolderError
     from services.session import SessionError
     from services.settings import SettingsError
     from tracker_bridge.access import OpenAddressError
@@ -77,7 +78,8 @@ def _known_errors() -> tuple[type[Exception], ...]:
     light = (FrameError, OpticsError)
     eyes = (CaptureError, SourceError, CalibrationError, PupilMapError)
     processes = (ReaderError, SessionError, SettingsError, PortInUseError, OpenAddressError, KeysError, ControlError)
-    return (*light, *eyes, *processes)
+    results = (ResultsFolderError,)
+    return (*light, *eyes, *processes, *results)
 
 
 if __name__ == "__main__":

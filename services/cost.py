@@ -1,16 +1,13 @@
-"""What accuracy costs in time, as tables and plots in a folder that is there when it is whole."""
+"""What accuracy costs in time, as tables and plots in a folder."""
 
 from __future__ import annotations
 
-import contextlib
 import csv
-import shutil
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from pipeline.cost.comparison import Row
 from pipeline.cost.sun_corner import SunCorner
-from pipeline.frame import FrameError
 from services import cost_plots
 
 TABLE, TEXT, CORNER_TABLE, CORNER_PLOT = "cost-glare.csv", "cost-glare.md", "sun-corner.csv", "sun-corner.png"
@@ -30,31 +27,6 @@ COLUMNS = (
     "upper_quartile_ms",
     "rounds",
 )
-
-
-@contextlib.contextmanager
-def results_folder(out: Path) -> Iterator[Path]:
-    """A folder to write into that becomes `out` when all is well and vanishes when not.
-
-    An `out` that holds earlier tables is replaced. Raises FrameError if it holds anything else or cannot be written.
-    """
-    if out.exists() and (not out.is_dir() or (any(out.iterdir()) and not (out / TABLE).exists())):
-        raise FrameError(f"{out} holds something that is no such table: choose another --out, or move it away")
-    partial = out.with_name(out.name + ".partial")
-    shutil.rmtree(partial, ignore_errors=True)
-    try:
-        partial.mkdir(parents=True)
-    except OSError as error:
-        raise FrameError(f"cannot make {partial}: {error.strerror}; choose another --out") from None
-    try:
-        yield partial
-        if out.exists():
-            shutil.rmtree(out)
-        partial.rename(out)
-    except OSError as error:
-        raise FrameError(f"{out} cannot be written: {error.strerror}; choose another --out") from None
-    finally:
-        shutil.rmtree(partial, ignore_errors=True)
 
 
 def write(folder: Path, rows: Sequence[Row], corner: SunCorner, notes: Mapping[str, str]) -> str:
@@ -117,6 +89,7 @@ def _section(group: str, note: str, rows: Sequence[Row]) -> str:
 def _write_corner(path: Path, corner: SunCorner) -> None:
     with path.open("w", encoding="utf-8", newline="") as stream:
         writer = csv.writer(stream, lineterminator="\n")
-        writer.writerow(["from_sun_deg", "truth_cd_m2", *(f"{name}_error_p95_cd_m2" for name in corner.error_cd_m2)])
+        ways = (f"{name.replace(' ', '_')}_error_p95_cd_m2" for name in corner.error_cd_m2)
+        writer.writerow(["from_sun_deg", "truth_cd_m2", *ways])
         for deg, truth, *errors in zip(corner.deg, corner.truth_cd_m2, *corner.error_cd_m2.values(), strict=True):
             writer.writerow([f"{deg:.2f}", *(f"{value:.4g}" for value in (truth, *errors))])

@@ -23,7 +23,8 @@ from pipeline.cost.sun_corner import SunCorner
 
 COLOURS = ("#2a6fbb", "#c8553d", "#3a8f5a", "#8a5aa8", "#b8860b", "#222222")
 """Of the groups, in their order."""
-CURVES = ("#c8553d", "#2a6fbb", "#3a8f5a")
+CURVES = ("#c8553d", "#b8860b", "#2a6fbb", "#3a8f5a")
+"""Of ways to compute a sun's corner."""
 SMALLEST_SHARE = 0.3
 """An error of 0 is drawn at this share of the smallest one."""
 AROUND = tuple((math.cos(turn), math.sin(turn)) for turn in np.linspace(0, 2 * math.pi, 16, endpoint=False))
@@ -71,7 +72,7 @@ def _points(
     errors = np.maximum(errors, floor)
     times_ms = np.array([row.times.median_ms for row in rows])
     for fresh, style in ((False, "-"), (True, "--")):
-        of_kind = [k for k, row in enumerate(rows) if row.fresh is fresh]
+        of_kind = [k for k, row in enumerate(rows) if row.fresh is fresh and not row.own_truth]
         front = [of_kind[k] for k in pareto([(float(times_ms[k]), float(errors[k])) for k in of_kind])]
         name_of_kind = "best with a new kernel" if fresh else "best with the kernel at hand"
         axes.plot(
@@ -82,7 +83,11 @@ def _points(
         of_group = [k for k, row in enumerate(rows) if row.group == group]
         low_ms, high_ms = np.array([rows[k].times.middle_half_ms for k in of_group]).T
         axes.hlines(errors[of_group], low_ms, high_ms, color=colour, lw=1, alpha=0.5)
-        axes.plot(times_ms[of_group], errors[of_group], "o", ms=5, color=colour, label=group)
+        apart = all(rows[k].own_truth for k in of_group)
+        axes.plot(
+            times_ms[of_group], errors[of_group], "o", ms=5, color=colour, mfc="white" if apart else colour,
+            label=f"{group} (own truth)" if apart else group,
+        )  # fmt: skip
     axes.set(xscale="log", yscale="log", xlabel="time / ms: median and middle half", ylabel=name)
     axes.margins(0.12)
     axes.grid(which="major", lw=0.3)
@@ -123,7 +128,7 @@ def _label(axes: Axes, marks: Sequence[_Mark], canvas: FigureCanvasAgg) -> None:
 
 def sun_corner(path: Path, corner: SunCorner) -> None:
     """Draws the light that the eye scatters and the errors of ways to compute it over the angle from the sun."""
-    figure = Figure(figsize=(7.6, 4.8), dpi=100, layout="constrained")
+    figure = Figure(figsize=(7.6, 5.4), dpi=100, layout="constrained")
     axes = figure.add_subplot(yscale="log")
     axes.plot(corner.deg, corner.truth_cd_m2, color="black", lw=2, label="truth: what the eye makes of the scene")
     for (name, error), colour in zip(corner.error_cd_m2.items(), CURVES, strict=False):
@@ -133,5 +138,5 @@ def sun_corner(path: Path, corner: SunCorner) -> None:
     axes.yaxis.set_minor_formatter(NullFormatter())
     axes.grid(which="major", lw=0.3)
     axes.spines[["top", "right"]].set_visible(False)
-    axes.legend(frameon=False, fontsize=9)
+    figure.legend(loc="outside lower center", ncols=2, frameon=False, fontsize=9)
     figure.savefig(path, format="png")

@@ -78,7 +78,7 @@ def plan_columns(eyes: Sequence[Eye]) -> list[str]:
         columns += [f"{name}_{quantity}_cd_m2" for quantity in ("adapted", "mean", "max")]
     for effect in Effect:
         columns += [f"{effect.value}_{quantity}" for quantity in ("level", "reason", "ms")]
-    return [*columns, "scene_ms", "measure_ms", "encode_ms", "total_ms"]
+    return [*columns, "scene_ms", "measure_ms", "kernel_ms", "encode_ms", "total_ms"]
 
 
 class Results:
@@ -168,7 +168,7 @@ class Results:
         for step in perceived.plan:
             row += [step.level, step.reason, f"{milliseconds.get(step.effect, 0.0):.2f}"]
         total = rendered.scene_ms + sum(milliseconds.values())
-        others = (rendered.scene_ms, milliseconds["measure"], milliseconds["encode"], total)
+        others = (rendered.scene_ms, milliseconds["measure"], milliseconds["kernel"], milliseconds["encode"], total)
         return row + [f"{value:.2f}" for value in others]
 
     def summary(self, heard: Heard, warm_up_s: float) -> WorkerSummary:

@@ -11,13 +11,11 @@ import contextlib
 import dataclasses
 import json
 import queue
-import shutil
 import subprocess
 import sys
 import threading
 import time
 from collections.abc import Iterator, Sequence
-from pathlib import Path
 from typing import Any
 
 from rich.console import Console
@@ -109,29 +107,6 @@ class _Child:
         self._reader.join()
         assert self._process.stderr is not None
         self._process.stderr.close()
-
-
-@contextlib.contextmanager
-def results_folder(out: Path) -> Iterator[Path]:
-    """A folder to write into that becomes `out` when all is well and vanishes when not.
-
-    An `out` that holds an earlier session is replaced. Raises SessionError if it holds anything else.
-    """
-    if out.exists() and not (out / SUMMARY).exists() and (not out.is_dir() or any(out.iterdir())):
-        raise SessionError(f"{out} holds something that is no session: choose another --out, or move it away")
-    partial = out.with_name(out.name + ".partial")
-    shutil.rmtree(partial, ignore_errors=True)
-    try:
-        partial.mkdir(parents=True)
-    except OSError as error:
-        raise SessionError(f"cannot make {partial}: {error.strerror}; choose another --out") from None
-    try:
-        yield partial
-        if out.exists():
-            shutil.rmtree(out)
-        partial.rename(out)
-    finally:
-        shutil.rmtree(partial, ignore_errors=True)
 
 
 def run(bridge_arguments: Sequence[str], worker_arguments: Sequence[str], stop: Stop, console: Console) -> Outcome:

@@ -26,6 +26,8 @@ class Setting:
     """In cd/m², linear Rec.709."""
     fresh: bool = True
     """Whether each image makes its kernel anew; or finds it at hand."""
+    own_truth: bool = False
+    """Whether its truth is another than that of most settings, so that its errors stand apart."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -39,6 +41,8 @@ class Row:
     scene: str
     fresh: bool
     """Whether the times hold the making of a kernel."""
+    own_truth: bool
+    """Whether the errors are against another truth than most rows'."""
     errors: Errors
     times: Times
 
@@ -62,7 +66,7 @@ def compare(
         of_setting = timed[setting.label]
         errors = errors_of(np.asarray(of_setting.result), truth, scene.exposure, display)
         rows += [
-            Row(group, name, setting.label, scene.name, setting.fresh, errors, of_setting.times)
+            Row(group, name, setting.label, scene.name, setting.fresh, setting.own_truth, errors, of_setting.times)
             for group, name in setting.names.items()
         ]
     return rows

@@ -13,9 +13,11 @@ from numpy.typing import NDArray
 
 from pipeline.cost.scenes import SUN_DARK_CD_M2, CostScene
 from pipeline.effects.glare.kernel import Component
+from pipeline.effects.glare.window import glare_frame
 from pipeline.frame import LUMINANCE_WEIGHTS, View
 
 PLAIN = "a plain float32 FFT of the whole kernel"
+LAID = "level frame without its veil"
 
 
 @dataclasses.dataclass(frozen=True)
@@ -40,11 +42,19 @@ def sun_corner(
 ) -> SunCorner:
     """Errors of images in cd/m² by their angle from the scene's brightest pixel.
 
-    That of the plain FFT is its rounding alone: float32 against float64, both with the whole kernel in one.
+    Two of the kernel's part alone are added, float32 against float64: what a plain FFT of it all rounds, and what the
+    level `frame` does, which lays the brightest pixels down without an FFT.
     """
     rgb = scene.frame.rgb_cd_m2[0]
     plain, exact = (np.asarray(plain_fft(rgb.astype(dtype), kernel)) for dtype in (jnp.float32, jnp.float64))
-    differences = {PLAIN: plain - exact, **{name: image - truth for name, image in images.items()}}
+    laid = np.asarray(glare_frame(rgb, scene.frame.view, ((kernel, 1.0),), scene.measured))
+    # What the veil will take is still in its place there.
+    exact_frame = exact + kernel.veil_share * np.asarray(rgb, np.float64)
+    differences = {
+        PLAIN: plain - exact,
+        LAID: laid - exact_frame,
+        **{name: image - truth for name, image in images.items()},
+    }
     ring = np.floor(angles_deg(scene.frame.view, _brightest(rgb))).astype(int)
     numbers = np.unique(ring)[1:]
 

@@ -50,7 +50,7 @@ def ceiling_cd_m2(exposure: float, peak_cd_m2: float) -> float:
     """The scene's luminance from which on the display shows its peak."""
     # Where the curve reaches 1: x·(2.51·x + 0.03) = x·(2.43·x + 0.59) + 0.14.
     full = (0.56 + math.sqrt(0.56**2 + 4 * 0.08 * 0.14)) / (2 * 0.08)
-    return full / (exposure * float(display_scale(peak_cd_m2)))
+    return full / (float(exposure) * float(display_scale(peak_cd_m2)))
 
 
 @jax.jit

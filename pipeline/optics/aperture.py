@@ -51,18 +51,18 @@ class Pose:
     @property
     def diameter_m(self) -> float:
         """Diameter of the pupil within `PUPIL_RANGE_MM`, in metres."""
-        low, high = PUPIL_RANGE_MM
-        return min(max(self.pupil_mm, low), high) * 1e-3
-
-    @property
-    def at_rest(self) -> bool:
-        """Whether nothing but the pupil deviates from an eye at rest."""
-        return self.parts_at_rest and self.openness >= 1 and not self.lashes and self.defocus_d == 0
+        return legal_pupil_mm(self.pupil_mm) * 1e-3
 
     @property
     def parts_at_rest(self) -> bool:
         """Whether lens and vitreous are at rest, whatever lids and focus do."""
         return self.lens_m is None and self.vitreous_deg == (0.0, 0.0)
+
+
+def legal_pupil_mm(pupil_mm: float) -> float:
+    """A diameter clamped to `PUPIL_RANGE_MM`; NaN counts as the narrowest."""
+    low, high = PUPIL_RANGE_MM
+    return min(max(low, pupil_mm), high)
 
 
 def pupil_disc(diameter_m: float, n: int) -> Float[Array, "n n"]:
@@ -78,10 +78,10 @@ def pupil_plane(observer: Observer, pose: Pose, n: int = 2048) -> Complex[Array,
     """
     shown = _pupil(observer, pose, n)
     if pose.parts_at_rest:
-        return _onto_device(_resting(observer, n), shown)
+        return _onto_device(_resting(_anatomy(observer), n), shown)
     lens.shade(shown, PLANE_M / n, observer, pose.lens_m)
     vitreous.shade(shown, PLANE_M / n, observer, pose.vitreous_deg)
-    return _onto_device(_still(observer, n), shown)
+    return _onto_device(_still(_anatomy(observer), n), shown)
 
 
 def planes(
@@ -89,19 +89,21 @@ def planes(
 ) -> tuple[Complex[Array, "n n"], tuple[tuple[Complex[Array, "n n"], float]]]:
     """The plane of the pupil, and the later ones with their distances behind it in metres, for exact propagation.
 
-    Later ones: one, the vitreous' particles, all at the depth of its centre. In coordinates of the pupil, complex64.
+    Later ones: one, the vitreous' particles, all at the depth of its centre. In coordinates of the pupil, complex64;
+    their shadows are those that fall along the axis onto the pupil (RIT §5), in both models: in place, where the beam
+    has narrowed to 0.41, they would be as much narrower.
     Raises OpticsError as `pupil_plane` does.
     """
     shown = _pupil(observer, pose, n)
     lens.shade(shown, PLANE_M / n, observer, pose.lens_m)
     later = np.ones((n, n), np.float32)
     vitreous.shade(later, PLANE_M / n, observer, pose.vitreous_deg)
-    return _onto_device(_still(observer, n), shown), ((jnp.asarray(later, jnp.complex64), vitreous.DEPTH_M),)
+    return _onto_device(_still(_anatomy(observer), n), shown), ((jnp.asarray(later, jnp.complex64), vitreous.DEPTH_M),)
 
 
 def blocked_share(observer: Observer) -> float:
     """Share of the plane that all particles block on average, before overlaps."""
-    widening = np.exp(2 * observer.particle_spread**2)
+    widening = lens.mean_square_of_spread(observer.particle_spread)
     particles = (observer.particles + observer.vitreous_particles) * (observer.particle_mm * 1e-3) ** 2 * widening
     return float((particles + observer.cornea_cells * cornea.CELL_M**2) / PLANE_M**2)
 
@@ -115,6 +117,19 @@ def _pupil(observer: Observer, pose: Pose, n: int) -> Float[np.ndarray, "m m"]:
     if pose.lashes:
         lids.shade_lashes(shown, dx_m, observer, pose.openness, pose.diameter_m)
     return shown
+
+
+def _anatomy(observer: Observer) -> Observer:
+    """The observer as far as these planes know them: the same planes serve at any age and focus."""
+    return Observer(
+        particles=observer.particles,
+        particle_mm=observer.particle_mm,
+        particle_spread=observer.particle_spread,
+        gratings=observer.gratings,
+        cornea_cells=observer.cornea_cells,
+        vitreous_particles=observer.vitreous_particles,
+        seed=observer.seed,
+    )
 
 
 @functools.lru_cache(maxsize=2)
@@ -133,10 +148,11 @@ def _still(observer: Observer, n: int) -> Complex[np.ndarray, "n n"]:
 @functools.lru_cache(maxsize=2)
 def _resting(observer: Observer, n: int) -> Complex[np.ndarray, "n n"]:
     """Everything in an eye at rest but its pupil."""
+    still = _still(observer, n)
     clear = np.ones((n, n), np.float32)
     lens.shade(clear, PLANE_M / n, observer)
     vitreous.shade(clear, PLANE_M / n, observer)
-    return _still(observer, n) * clear
+    return still * clear
 
 
 def _onto_device(still: Complex[np.ndarray, "n n"], shown: Float[np.ndarray, "m m"]) -> Complex[Array, "n n"]:

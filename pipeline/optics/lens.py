@@ -10,13 +10,13 @@ from __future__ import annotations
 import numpy as np
 from jaxtyping import Float
 from scipy.ndimage import map_coordinates
-from scipy.special import j0, j1
+from scipy.special import j0, j1, ndtr
 
 from pipeline.observer import Observer
-from pipeline.optics import OpticsError, coverage
+from pipeline.optics import OpticsError, coverage, lens_springs
 
 RADIUS_M = coverage.PLANE_M / 2
-"""Radius of the lens, on which the deformation's last column lies: 9 mm across (adults: 9–10 mm)."""
+"""How far out particles and fibres lie: all that the widest pupil shows."""
 FIBRE_PITCH_M = 10.85e-6
 """Spacing of the lens fibres: puts the lenticular halo at sin θ = λ/e, 3.00° at 568 nm (equations: SPE f3)."""
 FIBRE_INNER_M = 1.5e-3
@@ -43,6 +43,13 @@ def diameters_m(observer: Observer, deviates: Float[np.ndarray, " particle"]) ->
     return np.asarray(observer.particle_mm * 1e-3 * np.exp(spread))
 
 
+def mean_square_of_spread(spread: float) -> float:
+    """Mean of the squared diameters over the squared median."""
+    cut = SPREAD_LIMIT
+    within = np.exp(2 * spread**2) * (ndtr(cut - 2 * spread) - ndtr(-cut - 2 * spread))
+    return float(within + (np.exp(2 * spread * cut) + np.exp(-2 * spread * cut)) * ndtr(-cut))
+
+
 def shade(
     transmittance: Float[np.ndarray, "n n"],
     dx_m: float,
@@ -53,7 +60,8 @@ def shade(
 
     At rest they lie uniformly over the plane's inscribed disc, and uniformly in depth. `lens_m` is the deformed lens'
     radial displacement in metres, outward positive, on a grid of depth (rows, share of the lens' thickness) and radius
-    (columns, share of `RADIUS_M`); a particle takes it bilinearly at its own depth and radius, its azimuth stays.
+    (columns, share of `lens_springs.RADIUS_M`); a particle takes it bilinearly at its own depth and radius, its azimuth
+    stays.
     """
     random = np.random.default_rng([observer.seed, STREAM])
     radius = np.sqrt(random.random(observer.particles))
@@ -62,7 +70,8 @@ def shade(
     distance_m = RADIUS_M * radius
     if lens_m is not None:
         rows, columns = lens_m.shape
-        distance_m = distance_m + map_coordinates(lens_m, [depth * (rows - 1), radius * (columns - 1)], order=1)
+        place = [depth * (rows - 1), distance_m / lens_springs.RADIUS_M * (columns - 1)]
+        distance_m = distance_m + map_coordinates(lens_m, place, order=1)
     coverage.shade_discs(
         transmittance, dx_m, distance_m * np.cos(azimuth), distance_m * np.sin(azimuth), diameter_m / 2
     )

@@ -59,6 +59,15 @@ def edges_m(openness: float, pupil_m: float) -> tuple[float, float]:
     return max(upper_m, max(lower_m, -pupil_m / 2) + SLIT_M), lower_m
 
 
+def clear_of(openness: float, pupil_m: float) -> bool:
+    """Whether neither lid touches a pupil of this diameter."""
+    radius_m = pupil_m / 2
+    upper_m, lower_m = edges_m(openness, pupil_m)
+    # Where the pupil is widest the lids have come nearest to it.
+    sag = [_bend_per_m(height_m) * radius_m**2 for height_m in (upper_m, lower_m)]
+    return upper_m + min(sag[0], 0) >= radius_m and lower_m + max(sag[1], 0) <= -radius_m
+
+
 def shade(transmittance: Float[np.ndarray, "n n"], dx_m: float, openness: float, pupil_m: float) -> None:
     """Puts both lids before the plane, in place. Their edges are parabolas through the corners of the fissure."""
     n = transmittance.shape[0]

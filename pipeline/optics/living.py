@@ -21,8 +21,9 @@ from collections.abc import Sequence
 
 from pipeline.observer import Observer
 from pipeline.optics import lens_springs, microfluctuations, vitreous_motion
-from pipeline.optics.aperture import PUPIL_RANGE_MM, Pose
+from pipeline.optics.aperture import Pose, legal_pupil_mm
 from pipeline.optics.lens_springs import LensState
+from pipeline.optics.lids import clear_of
 from pipeline.optics.value_noise import value_noise
 from pipeline.optics.vitreous_motion import Kick, VitreousState
 
@@ -69,7 +70,7 @@ def step(
     """
     living = observer.living
     passed_s = dt_s if 0.0 < dt_s < math.inf else 0.0
-    pupil_mm = _legal_pupil_mm(pupil_mm)
+    pupil_mm = legal_pupil_mm(pupil_mm)
     lens, vitreous = state.lens, state.vitreous
     if passed_s and _lens_moves(observer):
         tones = microfluctuations.tones_d(observer.seed, pupil_mm)
@@ -87,7 +88,7 @@ def pose_of(state: LivingState, observer: Observer, pupil_mm: float, openness: f
     `observer.squint_openness`, with `lids` or without. What is out of range is clamped.
     """
     living = observer.living
-    mean_mm = _legal_pupil_mm(pupil_mm)
+    mean_mm = legal_pupil_mm(pupil_mm)
     fluctuation_d = 0.0
     if living.microfluctuations:
         fluctuation_d = microfluctuations.fluctuation_d(observer.seed, state.t_s, mean_mm)
@@ -95,13 +96,19 @@ def pose_of(state: LivingState, observer: Observer, pupil_mm: float, openness: f
     if state.lens is not None and _lens_moves(observer):
         lens_m = lens_springs.radial_m(state.lens, fluctuation_d)
     lids = min(max(openness, 0.0), 1.0) if living.lids else 1.0
+    lids = min(lids, observer.squint_openness) if living.squint else lids
     wavers = living.hippus and not measured
+    used_mm = hippus_mm(mean_mm, state.hippus_beats, observer.seed) if wavers else mean_mm
+    lashes = living.lashes and lids < 1.0
+    if not lashes and clear_of(lids, used_mm * 1e-3):
+        # Lids that touch no light are as good as open: the kernel at rest serves.
+        lids = 1.0
     turned = living.vitreous and max(abs(deg) for deg in state.vitreous.deg) >= REST_DEG
     return Pose(
-        pupil_mm=hippus_mm(mean_mm, state.hippus_beats, observer.seed) if wavers else mean_mm,
+        pupil_mm=used_mm,
         defocus_d=observer.defocus_d + fluctuation_d,
-        openness=min(lids, observer.squint_openness) if living.squint else lids,
-        lashes=living.lashes,
+        openness=lids,
+        lashes=lashes,
         vitreous_deg=state.vitreous.deg if turned else (0.0, 0.0),
         lens_m=lens_m,
     )
@@ -111,14 +118,8 @@ def hippus_mm(mean_mm: float, beats: float, seed: int) -> float:
     """A pupil of this mean diameter as it wavers, clamped to what a pupil can be (RIT 1, KRI 4.7)."""
     share = mean_mm / HIPPUS_MAX_MM
     noise = HIPPUS_NOISE * value_noise(beats, seed ^ _HIPPUS_STREAM)
-    return _legal_pupil_mm(mean_mm + noise / share * math.sqrt(1.0 - share))
+    return legal_pupil_mm(mean_mm + noise / share * math.sqrt(1.0 - share))
 
 
 def _lens_moves(observer: Observer) -> bool:
     return observer.living.lens and observer.living.microfluctuations
-
-
-def _legal_pupil_mm(pupil_mm: float) -> float:
-    """Written so that NaN counts as the narrowest."""
-    low, high = PUPIL_RANGE_MM
-    return min(max(low, pupil_mm), high)

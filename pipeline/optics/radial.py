@@ -108,7 +108,7 @@ def hankel(density: Density, cpd: ArrayLike) -> Angles:
     result = np.empty(frequencies.shape)
     for index, frequency in np.ndenumerate(frequencies):
         cycles = np.arange(0.0, EDGE_DEG, 0.5 / max(float(frequency), 1e-9))
-        edges = np.union1d(coarse[:: 1 + len(coarse) // 4096], cycles)
+        edges = np.union1d(np.append(coarse[:: 1 + len(coarse) // 4096], EDGE_DEG), cycles)
 
         def wave(deg: Angles, frequency: float = float(frequency)) -> Angles:
             return density(deg) * j0(2 * math.pi * frequency * deg)

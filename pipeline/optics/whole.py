@@ -1,11 +1,11 @@
 """The whole point-spread function of one eye, from its central peak to 90°, and where it is cut for application.
 
 Near the axis it is what wave optics makes of this person's pupil plane. A pupil plane of n samples holds no more than a
-field of ±n/2 samples, which ends at 1.23 times the angle of the fibres' halo at every wavelength; there the core is
-tapered and CIE 135's total glare function goes on. Within the field too there is scattering that no sample of the plane
-holds, the retina's and that of particles finer than the samples: it is smooth, and takes its share of CIE's light.
-The energy is accounted for: what comes from CIE is taken from the core, so each wavelength's volume over the hemisphere
-is 1.
+field of ±n/2 samples, which with n = 2048 ends at 1.23 times the angle of the fibres' halo at every wavelength; there
+the core is tapered and CIE 135's total glare function goes on. Within the field too there is scattering that no sample
+of the plane holds, the retina's and that of particles finer than the samples: it is smooth, and takes its share of
+CIE's light. The energy is accounted for: what comes from CIE is taken from the core, so each wavelength's volume over
+the hemisphere is 1.
 
 To be applied, it is cut in two by angle: the kernel, laid over display pixels, that ends at 9°; and the smooth veil
 beyond, which needs no resolution but true angles.
@@ -36,6 +36,9 @@ UNRESOLVED_DEG = 0.3
 VEIL_DEG = (4.5, 9.0)
 """Angles between which the kernel gives way to the veil. Engineering choice: a rise that tiles of 2.4° can follow, and
 a kernel that is still small."""
+
+FIELD_SAMPLES = 2048
+"""The field of a finer plane is ended where this one's ends, before the veil begins."""
 
 Angles = NDArray[np.float64]
 
@@ -111,12 +114,13 @@ def wave_kernel(
 
     `weights` (wavelength, …) says what each wavelength contributes to each channel (light_spectra.py); the kernel has
     the shape (…, k, k), k = 2·kernel_radius_px + 1, and with the veil's share adds up to the weights' sum but for
-    0.3 %: it lies on a flat plane.
+    1e-4: it lies on a flat plane.
     """
-    n = psf.shape[0]
-    of_core, veil_share = _core_weights(nm, weights, n, age_years, pigmentation)
-    core = spectrum.scaled_kernel(psf, nm, of_core, pixels_per_deg, taper=FIELD_TAPER)
-    return _joined(np.asarray(core), nm, weights, n, pixels_per_deg, age_years, pigmentation), veil_share
+    used, taper = _field(psf.shape[0])
+    of_core, veil_share = _core_weights(nm, weights, used, age_years, pigmentation)
+    radius_px = spectrum.kernel_radius_px(used, pixels_per_deg)
+    core = spectrum.scaled_kernel(psf, nm, of_core, pixels_per_deg, taper=taper, radius_px=radius_px)
+    return _joined(np.asarray(core), nm, weights, used, pixels_per_deg, age_years, pigmentation), veil_share
 
 
 def fresh_wave_kernel(
@@ -129,9 +133,17 @@ def fresh_wave_kernel(
     pigmentation: float,
 ) -> tuple[NDArray[np.float64], float]:
     """The same with an FFT for each wavelength: `field` is the n × n light behind the pupil at a wavelength in nm."""
-    of_core, veil_share = _core_weights(nm, weights, n, age_years, pigmentation)
-    core = spectrum.fresh_kernel(field, nm, of_core, pixels_per_deg, taper=FIELD_TAPER)
-    return _joined(np.asarray(core), nm, weights, n, pixels_per_deg, age_years, pigmentation), veil_share
+    used, taper = _field(n)
+    of_core, veil_share = _core_weights(nm, weights, used, age_years, pigmentation)
+    radius_px = spectrum.kernel_radius_px(used, pixels_per_deg)
+    core = spectrum.fresh_kernel(field, nm, of_core, pixels_per_deg, taper=taper, radius_px=radius_px)
+    return _joined(np.asarray(core), nm, weights, used, pixels_per_deg, age_years, pigmentation), veil_share
+
+
+def _field(n: int) -> tuple[int, tuple[float, float]]:
+    """How many samples of an n × n plane's function are used, and the taper in shares of n/2."""
+    used = min(n, FIELD_SAMPLES)
+    return used, (FIELD_TAPER[0] * used / n, FIELD_TAPER[1] * used / n)
 
 
 def _core_weights(
@@ -168,7 +180,7 @@ def _cie_near(
     age_years: float,
     pigmentation: float,
 ) -> NDArray[np.float64]:
-    """CIE's part of the kernel, beyond the core's field: the same for every pupil."""
+    """CIE's part of the kernel, beyond the core's field and unresolved within: the same for every pupil."""
     weights = np.frombuffer(weights_bytes).reshape(weights_shape)
     radius = kernel_radius_px(pixels_per_deg)
     flat = weights.reshape(len(nm), -1)

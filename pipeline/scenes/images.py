@@ -6,15 +6,13 @@ A picture is fixed to the view: it does not follow the head, and all eyes see th
 from __future__ import annotations
 
 import dataclasses
-import functools
 import re
 from pathlib import Path
 
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
 
-from pipeline.frame import Cleaned, Frame, FrameError, View
+from pipeline.frame import Frame, FrameError, View
 from pipeline.scenes import image_file
 from pipeline.scenes.resample import resize
 from pipeline.scenes.scene import Head, count_eyes
@@ -33,6 +31,7 @@ class Pictures:
     cd_m2_per_unit: float
     name: str
     notes: tuple[str, ...]
+    _shown: dict[tuple[Path, View, int], Frame] = dataclasses.field(default_factory=dict, repr=False, compare=False)
 
     def view_for(self, width_px: int | None, height_px: int | None, fov_deg: float) -> View:
         """A view of the picture's own size, or of another with the same aspect."""
@@ -59,18 +58,14 @@ class Pictures:
         """The picture of time `t_s`. Raises FrameError for a view of another aspect."""
         self._refuse_distortion(view.width_px, view.height_px)
         header = self.headers[int(max(t_s, 0.0) * FPS + 1e-6) % len(self.headers)]
-        rgb, cleaned = _shown(header.path, self.cd_m2_per_unit, view.height_px, view.width_px, count_eyes(eyes))
-        return Frame(rgb, view, cleaned)
-
-
-@functools.lru_cache(maxsize=2)
-def _shown(
-    path: Path, cd_m2_per_unit: float, height_px: int, width_px: int, images: int
-) -> tuple[Float[Array, "eye 3 y x"], Cleaned]:
-    """A file's pixels at a size: the same array while the picture is on show, so that nothing is done twice."""
-    file = image_file.read(path)
-    image = jnp.asarray(resize(file.rgb, height_px, width_px) * np.float32(cd_m2_per_unit))
-    return jnp.stack([image] * images), file.cleaned
+        seen = (header.path, view, count_eyes(eyes))
+        if seen not in self._shown:
+            file = image_file.read(header.path)
+            image = jnp.asarray(resize(file.rgb, view.height_px, view.width_px) * np.float32(self.cd_m2_per_unit))
+            # The same array while the picture is on show, so that nothing is done twice.
+            self._shown.clear()
+            self._shown[seen] = Frame(jnp.stack([image] * count_eyes(eyes)), view, file.cleaned)
+        return self._shown[seen]
 
 
 def _in_order(path: Path) -> list[str | int]:

@@ -36,11 +36,12 @@ def glare(
     prepare_jax()
     from pipeline.cost import glare as measured
     from services import cost as results
+    from services.results_folder import results_folder
 
     effort = measured.QUICK if quick else measured.FULL
     count = effort.rounds if rounds is None else rounds
     with (
-        results.results_folder(out) as folder,
+        results_folder(out) as folder,
         Progress(
             TextColumn("{task.description}"),
             BarColumn(),

@@ -58,6 +58,7 @@ def session(
     """Render what a person would have perceived: eye data and a scene in, a video and a report out."""
     from services import report, simulated_light
     from services import session as sessions
+    from services.results_folder import results_folder
 
     prepare_jax()
     from pipeline.scenes import open_scene
@@ -83,7 +84,7 @@ def session(
     )
     final = out or Path("sessions") / f"{datetime.now():%Y-%m-%d_%H-%M-%S}"
     stop = Stop().on_signals()
-    with sessions.results_folder(final) as folder:
+    with results_folder(final) as folder:
         bridge_arguments = ["--source", recording, "--seed", str(seed), "--wait", "--tables", str(folder)]
         bridge_arguments += ["--pace", (Pace.RECORDED if live else Pace.READER).value]
         worker_arguments = ["--scene", scene, "--fps", str(fps), "--width", str(view.width_px)]

@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-import contextlib
 import dataclasses
 import math
-import shutil
 import time
-from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -17,12 +14,12 @@ from rich.progress import Progress
 from rich.table import Table
 
 from pipeline.effects.glare.models import GRID, GlareModel
-from pipeline.frame import FrameError
 from pipeline.optics.aperture import pupil_plane
 from services.psf import film, layout, plots, profile
 from services.psf.picture import SCALE, Scale, displayed, radiance
 from services.psf.sheets import SHEETS
 from services.psf.subject import Subject
+from services.results_folder import results_folder
 
 
 @dataclasses.dataclass(frozen=True)
@@ -38,13 +35,13 @@ class Wanted:
 def run(subject: Subject, wanted: Wanted, out: Path, console: Console) -> None:
     """Writes everything into a folder, whole or not at all, and prints what was measured.
 
-    Raises FrameError if the folder cannot be written, OpticsError for an eye or a light that cannot be shown.
+    Raises ResultsFolderError if the folder cannot be written, OpticsError for an eye or a light that cannot be shown.
     """
     began = time.perf_counter()
     # Refused before anything is computed or written.
     subject.light()
     waves = dataclasses.replace(subject, model=GlareModel.WAVE)
-    with whole_folder(out) as folder:
+    with results_folder(out) as folder:
         _write_eye(subject, wanted, folder, console)
         if wanted.sheets:
             _write_sheets(waves, folder, console)
@@ -120,25 +117,3 @@ def captions(subject: Subject) -> list[str]:
     second = f"{eye.particles} particles of {eye.particle_mm * 1e3:g} µm · {eye.gratings} gratings"
     second += f" · {eye.cornea_cells} cornea cells · {eye.vitreous_particles} vitreous particles · seed {eye.seed}"
     return [first, second]
-
-
-@contextlib.contextmanager
-def whole_folder(out: Path) -> Iterator[Path]:
-    """A folder to write into whose files move into `out` when all is well; else they vanish and `out` stays as it was.
-
-    Files in `out` with other names are left alone. Raises FrameError if `out` cannot be a folder.
-    """
-    partial = out.with_name(out.name + ".partial")
-    try:
-        if out.exists() and not out.is_dir():
-            raise FrameError(f"--out {out} is a file; name a folder")
-        shutil.rmtree(partial, ignore_errors=True)
-        partial.mkdir(parents=True)
-        yield partial
-        out.mkdir(exist_ok=True)
-        for path in sorted(partial.iterdir()):
-            path.replace(out / path.name)
-    except OSError as error:
-        raise FrameError(f"--out {out} cannot be written ({error.strerror}); choose another folder") from None
-    finally:
-        shutil.rmtree(partial, ignore_errors=True)

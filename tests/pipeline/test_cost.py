@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 
 from pipeline.cost import errors, scenes
 from pipeline.cost.comparison import Row, Setting, compare, pareto, worst
-from pipeline.cost.sun_corner import PLAIN, angles_deg, plain_fft, sun_corner
+from pipeline.cost.sun_corner import LAID, PLAIN, angles_deg, plain_fft, sun_corner
 from pipeline.cost.timing import interleaved
 from pipeline.effects.glare.kernel import Component, component
 from pipeline.frame import Display, Frame, View
@@ -162,16 +162,16 @@ class TestScenes:
 class TestSunCorner:
     @staticmethod
     def kernel() -> Component:
+        """What stays and what scatters, each channel for itself."""
         x = np.arange(-8, 9)
         spot = np.exp(-(x[:, None] ** 2 + x[None, :] ** 2) / 8.0)
-        return component(0.2 * spot / spot.sum() + np.pad([[0.8]], 8), None, 0.0)
+        return component(np.eye(3)[:, :, None, None] * (0.2 * spot / spot.sum() + np.pad([[0.8]], 8)), None, 0.0)
 
     def test_a_plain_fft_convolves(self) -> None:
         rgb = jnp.zeros((3, 20, 30)).at[:, 4, 7].set(2.0)
-        one = self.kernel()
-        three = Component(jnp.eye(3) * one.stays[0, 0], jnp.eye(3)[:, :, None, None] * one.scatters[0, 0], None, 0.0)
-        image = np.asarray(plain_fft(rgb, three))
-        whole = np.asarray(one.scatters[0, 0]) + np.pad(np.asarray(one.stays), 8)
+        kernel = self.kernel()
+        image = np.asarray(plain_fft(rgb, kernel))
+        whole = np.asarray(kernel.scatters[0, 0]) + np.pad(np.asarray(kernel.stays[:1, :1]), 8)
         expected = np.zeros((20, 30))
         expected[:13, :16] = 2 * whole[4:, 1:]
         np.testing.assert_allclose(image, np.stack([expected] * 3), atol=1e-7)
@@ -186,12 +186,12 @@ class TestSunCorner:
 
     def test_float32_of_the_whole_kernel_outshines_the_dark_and_the_truth_has_no_error(self) -> None:
         scene = scenes.sun_over_dark(8)
-        one = self.kernel()
-        three = Component(jnp.eye(3) * one.stays[0, 0], jnp.eye(3)[:, :, None, None] * one.scatters[0, 0], None, 0.0)
-        truth = np.asarray(plain_fft(scene.frame.rgb_cd_m2[0].astype(jnp.float64), three))
-        found = sun_corner(scene, three, {"itself": truth}, truth)
+        kernel = self.kernel()
+        truth = np.asarray(plain_fft(scene.frame.rgb_cd_m2[0].astype(jnp.float64), kernel))
+        found = sun_corner(scene, kernel, {"itself": truth}, truth)
         assert found.error_cd_m2["itself"].max() == 0
         far = found.deg > 25
         assert found.error_cd_m2[PLAIN][far].min() > 10 * found.dark_cd_m2
+        assert found.error_cd_m2[LAID][far].max() < 0.01 * found.dark_cd_m2
         # The frame's edge loses light to the dark beyond.
         assert found.truth_cd_m2[far] == pytest.approx(found.dark_cd_m2, rel=0.15)

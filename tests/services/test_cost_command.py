@@ -18,9 +18,9 @@ from pipeline.cost.comparison import Row
 from pipeline.cost.errors import Errors
 from pipeline.cost.sun_corner import SunCorner
 from pipeline.cost.timing import Times
-from pipeline.frame import FrameError
 from services import cost, cost_plots
 from services.commands.cost import cost as command
+from services.results_folder import LIST
 
 NOTES = glare.notes(glare.QUICK)
 SCENES = ("night street", "lamps over dark")
@@ -29,7 +29,9 @@ CORNER = SunCorner(np.array([1.5, 2.5]), np.array([10.0, 2.0]), {"plain": np.arr
 
 def row(group: str, label: str, scene: str, error: float, milliseconds: float, *, fresh: bool = True) -> Row:
     errors = Errors(error, -2 * error, 3, 4, error / 2, error)
-    return Row(group, label, label, scene, fresh, errors, Times(9 * milliseconds, milliseconds * np.arange(1.0, 4.0)))
+    return Row(
+        group, label, label, scene, fresh, False, errors, Times(9 * milliseconds, milliseconds * np.arange(1.0, 4.0))
+    )
 
 
 def made_up() -> list[Row]:
@@ -84,41 +86,6 @@ class TestFiles:
                 assert not one.shrunk(0.9, 0.7).overlaps(other.shrunk(0.9, 0.7))
 
 
-class TestFolder:
-    def test_it_appears_when_it_is_whole(self, tmp_path: Path) -> None:
-        with cost.results_folder(tmp_path / "deep" / "out") as folder:
-            (folder / cost.TABLE).write_text("new")
-            assert not (tmp_path / "deep" / "out").exists()
-        assert (tmp_path / "deep" / "out" / cost.TABLE).read_text() == "new"
-
-    def test_an_interrupted_measurement_leaves_the_earlier_one(self, tmp_path: Path) -> None:
-        out = tmp_path / "out"
-        out.mkdir()
-        (out / cost.TABLE).write_text("old")
-
-        def interrupted() -> None:
-            with cost.results_folder(out) as folder:
-                (folder / cost.TABLE).write_text("new")
-                raise KeyboardInterrupt
-
-        with pytest.raises(KeyboardInterrupt):
-            interrupted()
-        assert [path.name for path in tmp_path.iterdir()] == ["out"]
-        assert (out / cost.TABLE).read_text() == "old"
-        with cost.results_folder(out) as folder:
-            (folder / cost.TABLE).write_text("new")
-        assert (out / cost.TABLE).read_text() == "new"
-
-    def test_what_is_no_table_is_refused_by_name(self, tmp_path: Path) -> None:
-        (tmp_path / "photo.jpg").write_bytes(b"dear")
-        for out in (tmp_path, tmp_path / "photo.jpg"):
-            with pytest.raises(FrameError, match="--out"), cost.results_folder(out):
-                pass
-        with pytest.raises(FrameError, match="--out"), cost.results_folder(tmp_path / "photo.jpg" / "out"):
-            pass
-        assert (tmp_path / "photo.jpg").read_bytes() == b"dear"
-
-
 def test_the_quick_command_measures_every_group(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     told: list[str] = []
 
@@ -139,6 +106,6 @@ def test_the_quick_command_measures_every_group(tmp_path: Path, monkeypatch: pyt
     errors = {line["setting"]: float(line["relative_l2"]) for line in lines}
     assert errors["frame"] < errors["256, no fibres"] < errors["veil"]
     assert len(told) == glare.steps(glare.QUICK, 1)
-    assert {path.name for path in out.iterdir()} == {
+    assert {path.name for path in out.iterdir()} - {LIST} == {
         *("cost-glare.csv", "cost-glare.md", "cost-glare-sun-over-dark.png", "sun-corner.csv", "sun-corner.png")
     }

@@ -15,7 +15,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from rich.console import Console
 
-from pipeline import FrameError, GlareModel, Iris, Observer
+from pipeline import GlareModel, Iris, Observer
 from pipeline.frame import LUMINANCE_WEIGHTS
 from pipeline.optics import analytic, radial
 from pipeline.optics.aperture import Pose
@@ -252,27 +252,6 @@ def test_an_observers_file_must_have_a_place(tmp_path: Path, name: str, named: s
     (tmp_path / "d.toml").mkdir()
     with pytest.raises(SettingsError, match=named):
         observer_file.refuse_unwritable(tmp_path / name)
-
-
-def test_results_are_whole_or_not_there(tmp_path: Path) -> None:
-    out = tmp_path / "psf"
-
-    def fails_half_way() -> None:
-        with results.whole_folder(out) as folder:
-            (folder / "half.png").write_text("half")
-            raise ValueError("half-way")
-
-    with pytest.raises(ValueError, match="half-way"):
-        fails_half_way()
-    assert not list(tmp_path.iterdir())
-    out.mkdir()
-    (out / "mine.txt").write_text("mine")
-    (out / "psf.png").write_text("old")
-    with results.whole_folder(out) as folder:
-        (folder / "psf.png").write_text("new")
-    assert {path.name: path.read_text() for path in out.iterdir()} == {"mine.txt": "mine", "psf.png": "new"}
-    with pytest.raises(FrameError, match="is a file"), results.whole_folder(out / "mine.txt"):
-        pass
 
 
 def test_all_that_is_written_of_an_eye(tmp_path: Path) -> None:

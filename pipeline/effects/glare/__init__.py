@@ -49,7 +49,10 @@ class Sight:
     def cause(self, settings: Glare) -> tuple[object, ...]:
         """All that decides what glare makes of an image, to be compared: of its kernel the identity."""
         gaze_px = self.gaze_px if settings.level is GlareLevel.WINDOW else None
-        return self.kernel, gaze_px, self.view, self.ceiling_cd_m2, self.lights
+        # Lights have kernels of their own, which follow the pose; one with a deformed lens is never the same.
+        pose = object() if self.pose.lens_m is not None else self.pose
+        eye = (self.observer, pose) if self.lights else ()
+        return self.kernel, gaze_px, self.view, self.ceiling_cd_m2, self.lights, *eye
 
 
 def scatter(rgb: Float[Array, "3 y x"], sight: Sight, settings: Glare) -> Float[Array, "3 y x"]:
@@ -60,8 +63,8 @@ def scatter(rgb: Float[Array, "3 y x"], sight: Sight, settings: Glare) -> Float[
     view, kernel, ceiling = sight.view, sight.kernel, sight.ceiling_cd_m2
     if settings.level is GlareLevel.REFERENCE:
         result = jnp.asarray(reference.of_sight(rgb, sight, settings.model), jnp.float32)
-        return _with_lights(result, sight)
-    veiling = rgb if ceiling is None else rgb * convolve.spill_share(luminance(rgb), ceiling)
+        return _with_lights(result, sight, settings)
+    veiling = rgb if ceiling is None else (rgb * convolve.spill_share(luminance(rgb), ceiling)).astype(jnp.float32)
     result = veil.veil_change(veiling, view, kernel, onto=rgb)
     # The memory of `onto` is taken over; a kernel without a veil left the caller's own.
     onto = None if result is rgb else result
@@ -74,10 +77,10 @@ def scatter(rgb: Float[Array, "3 y x"], sight: Sight, settings: Glare) -> Float[
             )
         case GlareLevel.FRAME:
             result = window.glare_frame(rgb, view, kernel, sight.measured, ceiling_cd_m2=ceiling, onto=onto)
-    return _with_lights(result, sight)
+    return _with_lights(result, sight, settings)
 
 
-def _with_lights(rgb: Float[Array, "3 y x"], sight: Sight) -> Float[Array, "3 y x"]:
+def _with_lights(rgb: Float[Array, "3 y x"], sight: Sight, settings: Glare) -> Float[Array, "3 y x"]:
     if not sight.lights:
         return rgb
-    return light_glare.add_lights(rgb, sight.lights, sight.view, sight.observer, sight.pose)
+    return light_glare.add_lights(rgb, sight.lights, sight.view, sight.observer, sight.pose, settings.falloff)

@@ -65,6 +65,14 @@ class Component:
     veil: Veil | None
     veil_share: float
     """Light that the veil takes. The sum of all three over pixels is the identity."""
+    transforms: dict[tuple[object, ...], Array] = dataclasses.field(default_factory=dict, repr=False)
+    """Of `scatters`, as they were asked for last: they go when the component goes."""
+
+    @functools.cached_property
+    def keeps(self) -> NDArray[np.float64]:
+        """The light that is left where it is by all that scatters over pixels: what stays and the veil's, 3×3."""
+        alike = np.eye(3) if self.stays.shape == (1, 1) else 1
+        return np.eye(3) * self.veil_share + np.asarray(self.stays, np.float64) * alike
 
     @functools.cached_property
     def bounds(self) -> Scattering:

@@ -5,6 +5,7 @@ Their kernel is always that of wave optics, whatever the frame's own light uses:
 
 from __future__ import annotations
 
+import dataclasses
 import functools
 import math
 from collections.abc import Sequence
@@ -16,32 +17,37 @@ from numpy.typing import NDArray
 
 from pipeline.effects.glare import models
 from pipeline.effects.glare.kernel import Veil
-from pipeline.effects.glare.lights import SUBPIXELS, LightMixture, PointKernel, draw_lights
+from pipeline.effects.glare.lights import SUBPIXELS, Falloff, LightMixture, PointKernel, draw_lights
 from pipeline.frame import Light, View
 from pipeline.observer import Observer
 from pipeline.optics import light_spectra, whole
 from pipeline.optics.aperture import Pose
 
-STRIDE_PX = 8
-"""The veil of a light is computed at every eighth pixel and linear between. Engineering choice: under a degree."""
+STRIDE_DEG = 0.6
+"""The veil of a light is computed at points this far apart, 8 pixels at most, and linear between. Engineering choice: a
+seventh of the angle at which it begins."""
 
 
 def add_lights(
-    onto: Float[Array, "3 y x"], lights: Sequence[Light], view: View, observer: Observer, pose: Pose
+    onto: Float[Array, "3 y x"],
+    lights: Sequence[Light],
+    view: View,
+    observer: Observer,
+    pose: Pose,
+    falloff: Falloff = Falloff.NONE,
 ) -> Float[Array, "3 y x"]:
     """A frame in cd/m² with its lights and all their glare, of lights beyond its edges too."""
 
+    @functools.cache
     def kernel_of(spectrum: str) -> LightMixture:
-        if not models.rests(observer, pose):
+        if pose.lens_m is not None:
             return ((_point_kernel(observer, pose, view.ppd_centre, spectrum), 1.0),)
-        low, high, share = models.pupil_steps(pose.pupil_mm)
         return tuple(
-            (_resting(observer, step, view.ppd_centre, spectrum), weight)
-            for step, weight in ((low, 1 - share), (high, share))
-            if weight > 0
+            (_held(observer, dataclasses.replace(pose, pupil_mm=pupil_mm), view.ppd_centre, spectrum), weight)
+            for pupil_mm, weight in models.pupil_steps(pose.pupil_mm)
         )
 
-    image = draw_lights(onto, lights, view, kernel_of)
+    image = draw_lights(onto, lights, view, kernel_of, falloff)
     return image + jnp.asarray(_veil(lights, view, models.cie_veil(observer)), jnp.float32)
 
 
@@ -54,17 +60,18 @@ def _point_kernel(observer: Observer, pose: Pose, pixels_per_deg: float, spectru
     middle = kernel.shape[-1] // 2
     # What the flat kernel's sum lacks, or has too much of.
     kernel[:, middle, middle] += weights.sum(axis=0) * (1 - share) - kernel.sum(axis=(1, 2))
-    return PointKernel(kernel)
+    return PointKernel(kernel.astype(np.float32))
 
 
 @functools.lru_cache(maxsize=8)
-def _resting(observer: Observer, step: int, pixels_per_deg: float, spectrum: str) -> PointKernel:
-    return _point_kernel(observer, models.resting_pose(observer, step), pixels_per_deg, spectrum)
+def _held(observer: Observer, pose: Pose, pixels_per_deg: float, spectrum: str) -> PointKernel:
+    """Of an eye that holds still."""
+    return _point_kernel(observer, pose, pixels_per_deg, spectrum)
 
 
 def _veil(lights: Sequence[Light], view: View, veil: Veil) -> NDArray[np.float64]:
     """What lights scatter beyond their kernels: a point's illuminance times the density per steradian is luminance."""
-    down, right = (_stations(size) for size in (view.height_px, view.width_px))
+    down, right = (_stations(size, view.ppd_centre) for size in (view.height_px, view.width_px))
     v, u = np.meshgrid(
         (down - view.height_px / 2) / view.focal_px, (right - view.width_px / 2) / view.focal_px, indexing="ij"
     )
@@ -78,15 +85,21 @@ def _veil(lights: Sequence[Light], view: View, veil: Veil) -> NDArray[np.float64
             math.cos(azimuth) * math.cos(elevation),
         )
         deg = np.degrees(np.arccos(np.clip(np.tensordot(towards, directions, 1), -1, 1)))
-        colour = light_spectra.light_weights(light.spectrum)[1].sum(axis=0)
-        low += colour[:, None, None] * light.illuminance_lx * np.where(deg <= 90, veil.density(deg), 0)
+        low += _colour(light.spectrum)[:, None, None] * light.illuminance_lx * np.where(deg <= 90, veil.density(deg), 0)
     rows, columns = (_linear(at, size) for at, size in ((down, view.height_px), (right, view.width_px)))
     return np.asarray(rows @ low @ columns.T)
 
 
-def _stations(size: int) -> NDArray[np.float64]:
+@functools.lru_cache(maxsize=64)
+def _colour(spectrum: str) -> NDArray[np.float64]:
+    """Linear RGB of a spectrum, of luminance 1."""
+    return light_spectra.light_weights(spectrum)[1].sum(axis=0)
+
+
+def _stations(size: int, pixels_per_deg: float) -> NDArray[np.float64]:
     """Places from the first pixel's centre to the last one's."""
-    return np.linspace(0.5, size - 0.5, -(-size // STRIDE_PX) + 1)
+    stride_px = max(1, min(8, int(STRIDE_DEG * pixels_per_deg)))
+    return np.linspace(0.5, size - 0.5, -(-size // stride_px) + 1)
 
 
 def _linear(at: NDArray[np.float64], size: int) -> NDArray[np.float64]:

@@ -30,7 +30,7 @@ SUBPIXELS = 5
 """Parts of a pixel along each side. Odd, so that a light in the middle of a pixel is what that pixel would be."""
 LARGEST_LAYER = 8
 """Radius of the largest disc that is prepared, in pixels (KRI shows 4). Engineering choice: larger ones have no
-sub-pixel detail that is seen, and each of these takes 10 MB."""
+sub-pixel detail that is seen, and each of these takes 10 MB at 10 pixels per degree."""
 
 
 class Falloff(enum.StrEnum):
@@ -152,7 +152,7 @@ def _stamped(
 @functools.lru_cache(maxsize=16)
 def phases(kernel: PointKernel, layer: int, falloff: Falloff) -> Float[Array, "s 3 1 j k"]:
     """What a light in the middle of each sub-pixel puts into the pixels around: a disc of `layer` pixels or a point."""
-    fine = _weighed(kernel, falloff)
+    fine = _weighed(kernel, falloff).astype(np.float64)
     if layer:
         fine = scipy.signal.fftconvolve(fine, disc(layer * SUBPIXELS, 0.0, 0.0)[None], axes=(1, 2))
     side = fine.shape[1]
@@ -189,15 +189,13 @@ def disc(radius: float, down: float, right: float) -> Float[np.ndarray, "j k"]:
 
 
 def _large_disc(at: Place, kernel: PointKernel, falloff: Falloff, size: tuple[int, ...]) -> Float[np.ndarray, "3 y x"]:
-    """What a large disc of luminance 1 puts into a frame, float32."""
-    middle = phases(kernel, 0, falloff)[SUBPIXELS**2 // 2, :, 0]
-    row, column = math.floor(at.y_px), math.floor(at.x_px)
-    shape = disc(at.radius_px, at.y_px - row - 0.5, at.x_px - column - 0.5)
-    spread = scipy.signal.fftconvolve(np.asarray(middle, np.float64), shape[None], axes=(1, 2))
-    result = np.zeros((3, *size), np.float32)
-    corner = np.array([row, column]) - spread.shape[1] // 2
-    first = np.clip(corner, 0, size)
-    last = np.clip(corner + spread.shape[1], 0, size)
-    there = tuple(slice(a, b) for a, b in zip(first - corner, last - corner, strict=True))
-    result[:, first[0] : last[0], first[1] : last[1]] = spread[:, there[0], there[1]]
-    return result
+    """What a large disc of luminance 1 puts into a frame, float32: no more of it is made than reaches the frame."""
+    middle = np.asarray(phases(kernel, 0, falloff)[SUBPIXELS**2 // 2, :, 0], np.float64)
+    reach = middle.shape[1] // 2
+    y, x = (np.arange(-reach, side + reach) + 0.5 for side in size)
+    covered = np.clip(at.radius_px + 0.5 - np.hypot((y - at.y_px)[:, None], x - at.x_px), 0, 1)
+    if not covered.any():
+        return np.zeros((3, *size), np.float32)
+    # The volume of a disc with a ramp of one pixel for an edge.
+    covered /= math.pi * (at.radius_px**2 + 1 / 12)
+    return scipy.signal.fftconvolve(covered[None], middle, mode="valid", axes=(1, 2)).astype(np.float32)

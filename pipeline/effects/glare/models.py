@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import enum
 import functools
 
@@ -14,7 +15,7 @@ from pipeline.effects.glare.kernel import Component, Formula, Mixture, Veil, com
 from pipeline.frame import LUMINANCE_WEIGHTS
 from pipeline.observer import Observer
 from pipeline.optics import analytic, diffraction, flare_lines, light_spectra, radial, whole
-from pipeline.optics.aperture import PUPIL_RANGE_MM, Pose, planes, pupil_plane
+from pipeline.optics.aperture import Pose, legal_pupil_mm, planes, pupil_plane
 from pipeline.optics.flare_lines import Flare
 
 GRID = 2048
@@ -30,7 +31,7 @@ class GlareModel(enum.StrEnum):
     """Which point-spread function."""
 
     WAVE = "wave"
-    """Wave optics of this observer's pupil plane, CIE 135 beyond its field."""
+    """Wave optics of this observer's pupil plane, CIE 135 beyond its field and for what it cannot resolve."""
     SPE = "spe"
     """Spencer 1995: age and adaptation."""
     CIE = "cie"
@@ -45,21 +46,28 @@ def mixture(model: GlareModel, observer: Observer, pose: Pose, adapted_cd_m2: fl
         case GlareModel.WAVE if pose.lens_m is not None:
             return ((wave_component(observer, pose, pixels_per_deg), 1.0),)
         case GlareModel.WAVE if not rests(observer, pose):
-            return ((_posed(observer, pose, pixels_per_deg), 1.0),)
+            return tuple(
+                (_posed(observer, dataclasses.replace(pose, pupil_mm=pupil_mm), pixels_per_deg), weight)
+                for pupil_mm, weight in pupil_steps(pose.pupil_mm)
+            )
         case GlareModel.WAVE:
-            low, high, share = pupil_steps(pose.pupil_mm)
-            steps = [_resting(observer, step, pixels_per_deg) for step in (low, high)]
+            return tuple(
+                (_resting(observer, pupil_mm, pixels_per_deg), weight)
+                for pupil_mm, weight in pupil_steps(pose.pupil_mm)
+            )
         case GlareModel.IJSPEERT:
-            low, high, share = pupil_steps(pose.pupil_mm)
             straylight = analytic.STRAYLIGHT[observer.iris]
             # Beyond 4.5° the pupil changes it by 1e-4: one veil serves all.
             veil = Veil(analytic.ijspeert, (IJSPEERT_VEIL_MM, observer.age_years, straylight))
-            steps = [
-                formula_component(
-                    analytic.ijspeert, (step * PUPIL_STEP_MM, observer.age_years, straylight), pixels_per_deg, veil
+            return tuple(
+                (
+                    formula_component(
+                        analytic.ijspeert, (pupil_mm, observer.age_years, straylight), pixels_per_deg, veil
+                    ),
+                    weight,
                 )
-                for step in (low, high)
-            ]
+                for pupil_mm, weight in pupil_steps(pose.pupil_mm)
+            )
         case GlareModel.CIE:
             pigmentation = analytic.PIGMENTATION[observer.iris]
             return ((formula_component(analytic.cie135, (observer.age_years, pigmentation), pixels_per_deg), 1.0),)
@@ -70,18 +78,16 @@ def mixture(model: GlareModel, observer: Observer, pose: Pose, adapted_cd_m2: fl
                 for part, weight in zip(_spe_components(pixels_per_deg, observer.seed), weights, strict=True)
                 if weight > 0
             )
-    return ((steps[0], 1 - share), (steps[1], share)) if share > 0 else ((steps[0], 1.0),)
 
 
-def pupil_steps(pupil_mm: float) -> tuple[int, int, float]:
-    """The two computed pupils around a diameter, as multiples of PUPIL_STEP_MM, and the share of the second.
+def pupil_steps(pupil_mm: float) -> tuple[tuple[float, float], ...]:
+    """The computed pupils around a diameter in mm with their weights: two, or the one that it is.
 
-    Diameters outside 2–8 mm count as the nearest of these.
+    Diameters outside 2–8 mm count as the nearest of these, NaN as 2 mm.
     """
-    low, high = PUPIL_RANGE_MM
-    position = min(max(pupil_mm, low), high) / PUPIL_STEP_MM
-    step = min(int(position), round(high / PUPIL_STEP_MM) - 1)
-    return step, step + 1, position - step
+    low, share = divmod(legal_pupil_mm(pupil_mm), PUPIL_STEP_MM)
+    pairs = ((low * PUPIL_STEP_MM, 1 - share / PUPIL_STEP_MM), ((low + 1) * PUPIL_STEP_MM, share / PUPIL_STEP_MM))
+    return tuple((step_mm, weight) for step_mm, weight in pairs if weight > 0)
 
 
 def wave_component(
@@ -114,6 +120,7 @@ def monochromatic(
     )
 
 
+@functools.lru_cache(maxsize=2)
 def reference_kernel(
     observer: Observer, pose: Pose, pixels_per_deg: float, wavelengths: int = light_spectra.WAVELENGTHS
 ) -> tuple[NDArray[np.float64], Veil, float]:
@@ -151,23 +158,19 @@ def rests(observer: Observer, pose: Pose) -> bool:
     return pose.parts_at_rest and pose.openness >= 1 and not pose.lashes and pose.defocus_d == observer.defocus_d
 
 
-@functools.lru_cache(maxsize=2)
+@functools.lru_cache(maxsize=4)
 def _posed(observer: Observer, pose: Pose, pixels_per_deg: float) -> Component:
     """The kernel of an eye that holds still, but not at rest: squinting."""
     return wave_component(observer, pose, pixels_per_deg)
 
 
-@functools.lru_cache(maxsize=8)
-def _resting(observer: Observer, step: int, pixels_per_deg: float) -> Component:
-    return wave_component(observer, resting_pose(observer, step), pixels_per_deg)
+@functools.lru_cache(maxsize=25)
+def _resting(observer: Observer, pupil_mm: float, pixels_per_deg: float) -> Component:
+    """All that a pupil of 2–8 mm needs."""
+    return wave_component(observer, Pose(pupil_mm, observer.defocus_d), pixels_per_deg)
 
 
-def resting_pose(observer: Observer, step: int) -> Pose:
-    """This observer's eye at rest with one of the computed pupils."""
-    return Pose(step * PUPIL_STEP_MM, observer.defocus_d)
-
-
-@functools.lru_cache(maxsize=8)
+@functools.lru_cache(maxsize=25)
 def formula_component(
     function: Formula, parameters: tuple[float, ...], pixels_per_deg: float, veil: Veil | None = None
 ) -> Component:

@@ -218,12 +218,14 @@ def _boxes(values: Reals, side: int) -> Reals:
 
 def _sampled(size: int, side: int) -> NDArray[np.intp]:
     """Pixels from end to end, one a box."""
-    return np.unique(np.rint(np.linspace(0, size - 1, -(-size // side) + 1)).astype(np.intp))[
-        : size if side > 1 else None
-    ]
+    return np.unique(np.rint(np.linspace(0, size - 1, -(-size // side) + 1)).astype(np.intp))
 
 
 def _read_off(low: Reals, rows: NDArray[np.intp], columns: NDArray[np.intp], view: View) -> Reals:
+    if len(rows) == 1:
+        rows, low = np.array([0, 1]), np.repeat(low, 2, axis=0)
+    if len(columns) == 1:
+        columns, low = np.array([0, 1]), np.repeat(low, 2, axis=1)
     spline = scipy.interpolate.RectBivariateSpline(
         rows, columns, low, kx=min(3, len(rows) - 1), ky=min(3, len(columns) - 1)
     )

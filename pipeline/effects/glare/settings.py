@@ -6,6 +6,7 @@ import enum
 
 import msgspec
 
+from pipeline.effects.glare.lights import Falloff
 from pipeline.effects.glare.models import GlareModel
 
 
@@ -31,3 +32,5 @@ class Glare(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     level: GlareLevel = GlareLevel.WINDOW
     above_display: bool = False
     """Only light above the display's peak scatters, since below it the display itself makes the eye glare (SPE §4)."""
+    falloff: Falloff = Falloff.NONE
+    """How the glare of lights of their own fades towards the kernel's edge (KRI §4.2.5)."""

@@ -32,10 +32,6 @@ class Taken:
     left_out: int
     """Pixels above the threshold that do not scatter, being too many."""
 
-    def __str__(self) -> str:
-        left_out = f"; {self.left_out} dimmer ones left out" if self.left_out else ""
-        return f"{len(self.at)} pixels above {self.above_cd_m2:.3g} cd/m²{left_out}"
-
 
 def glare_sources(
     rgb: Float[Array, "3 y x"],

@@ -25,7 +25,8 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import scipy.fft
-from jaxtyping import Array, Complex, Float
+from jaxtyping import Array, Complex, Float, Int
+from numpy.typing import NDArray
 
 from pipeline.effects.glare import convolve, stamp
 from pipeline.effects.glare.kernel import Mixture
@@ -141,13 +142,13 @@ def _glare(
 ) -> Float[Array, "3 y x"]:
     limit_cd_m2 = float32_limit_cd_m2(measured)
     dtype: convolve.Precision = "float32"
-    above = None
+    apart = None
     if measured.max_cd_m2 > limit_cd_m2:
         at, light = stamp.bright_pixels(rgb, limit_cd_m2)
         if len(at) > MOST_LAID_DOWN:
             dtype = "float64"
         else:
-            above = np.float32(limit_cd_m2)
+            apart = at
     corner = (_corner(gaze_px[1], window.rows, view.height_px), _corner(gaze_px[0], window.columns, view.width_px))
     reach = window.rows - 1, window.columns - 1
     size = window.fft_rows, window.fft_columns
@@ -160,10 +161,10 @@ def _glare(
         np.array([gaze_px[1], gaze_px[0]], np.float32),
         corner,
         None if ceiling_cd_m2 is None else np.float32(ceiling_cd_m2),
-        above,
+        None if apart is None else _inside(apart, corner, window),
         window,
     )
-    if above is None:
+    if apart is None:
         return result
     away_px = np.hypot(at[:, 0] + 0.5 - gaze_px[1], at[:, 1] + 0.5 - gaze_px[0])
     share = falloff(away_px / window.reach_px)
@@ -183,6 +184,14 @@ def _corner(gaze_px: float, side_px: int, frame_px: int) -> int:
     return round(min(max(gaze_px - side_px / 2, 0), frame_px - side_px))
 
 
+def _inside(at: NDArray[np.intp], corner: tuple[int, int], window: Window) -> NDArray[np.int64]:
+    """The pixels within the window, padded to one number by places that lie outside it."""
+    places = np.full((MOST_LAID_DOWN, 2), window.rows + window.columns)
+    places[: len(at)] = at - np.array(corner)
+    places[(places < 0).any(axis=1)] = window.rows + window.columns
+    return places
+
+
 @functools.partial(jax.jit, static_argnames="window", donate_argnames="onto")
 def _convolve(
     onto: Float[Array, "3 y x"] | None,
@@ -193,7 +202,7 @@ def _convolve(
     gaze_yx: Float[Array, "2"],
     corner: tuple[int, int],
     ceiling_cd_m2: float | None,
-    above_cd_m2: float | None,
+    apart: Int[Array, "n 2"] | None,
     window: Window,
 ) -> Float[Array, "3 y x"]:
     start = (0, *corner)
@@ -203,8 +212,8 @@ def _convolve(
     dx = jnp.arange(window.columns, dtype=jnp.float32) + 0.5 + (corner[1] - gaze_yx[1])
     if ceiling_cd_m2 is not None:
         light = light * convolve.spill_share(luminance(light), ceiling_cd_m2)
-    if above_cd_m2 is not None:
-        light = jnp.where(luminance(jax.lax.dynamic_slice(rgb, start, size)) > above_cd_m2, 0, light)
+    if apart is not None:
+        light = light.at[:, apart[:, 0], apart[:, 1]].set(0, mode="drop")
     if math.isfinite(window.reach_px):
         light = light * falloff(jnp.sqrt(dy[:, None] ** 2 + dx[None, :] ** 2) / np.float32(window.reach_px))
     # Kept apart, since XLA would otherwise weigh the light again for each use, and add change by change.

@@ -1,5 +1,7 @@
 """The whole pupil plane: parts that do not disturb each other, shares of scatter, grids of any size."""
 
+import math
+
 import jax
 import numpy as np
 import pytest
@@ -97,16 +99,9 @@ def test_the_same_observer_has_the_same_eye_and_another_seed_another() -> None:
     assert not np.array_equal(one, other)
 
 
-def test_a_pose_is_at_rest_whatever_its_pupil() -> None:
-    assert Pose(3.0).at_rest
-    for moved in (
-        Pose(3.0, defocus_d=0.1),
-        Pose(3.0, openness=0.9),
-        Pose(3.0, lashes=True),
-        Pose(3.0, vitreous_deg=(0.0, 0.1)),
-        Pose(3.0, lens_m=np.zeros((17, 17))),
-    ):
-        assert not moved.at_rest
+@pytest.mark.parametrize("pupil_mm", [0.0, 0.5, -1.0, math.nan])
+def test_a_pupil_too_narrow_or_none_is_the_narrowest(pupil_mm: float) -> None:
+    assert Pose(pupil_mm).diameter_m == 2e-3
 
 
 def test_an_eye_full_of_particles_is_refused_by_name() -> None:

@@ -14,6 +14,7 @@ from pipeline.optics import living
 from pipeline.optics.aperture import Pose
 from pipeline.optics.living import Kick, LivingState, at_rest, pose_of, step
 
+SQUINT = Observer().squint_openness
 SWITCHES = Living.__struct_fields__
 ALL = Living(**dict.fromkeys(SWITCHES, True))
 KICKS = (Kick(8.0, -3.0), Kick(-0.4, 0.2, ago_s=0.03))
@@ -96,16 +97,17 @@ def test_each_switch_off_leaves_its_part_at_rest_and_the_others_as_they_are(swit
     assert deviations(pose) == deviations(everything) - rests
     for name in deviations(pose) - {"openness"}:
         np.testing.assert_array_equal(getattr(pose, name), getattr(everything, name))
-    assert pose.openness == {"lids": 0.35, "squint": 0.6}.get(switch, 0.35)
+    assert pose.openness == {"lids": SQUINT, "squint": 0.6}.get(switch, SQUINT)
 
 
 @pytest.mark.parametrize(
     ("switches", "openness", "expected"),
     [
         (("lids",), 0.0, 0.0),
-        (("lids",), 0.8, 0.8),
-        (("squint",), 0.0, 0.35),  # what the tracker says is not asked for
-        (("squint", "lids"), 1.0, 0.35),
+        (("lids",), 0.6, 0.6),
+        (("lids",), 0.93, 1.0),  # touches no pupil of 4 mm
+        (("squint",), 0.0, SQUINT),  # what the tracker says is not asked for
+        (("squint", "lids"), 1.0, SQUINT),
         (("squint", "lids"), 0.1, 0.1),
         (("lids",), 1.7, 1.0),
         (("lids",), -0.2, 0.0),

@@ -33,12 +33,21 @@ def test_each_wavelengths_light_is_accounted_for(nm: float, age: float, pigmenta
     assert radial.hemisphere_volume(beyond) == pytest.approx(parts[1] + parts[2], abs=1e-6)
 
 
-@pytest.mark.parametrize("pixels_per_deg", [5.0, 9.82, 20.0])
+@pytest.mark.parametrize("pixels_per_deg", [5.0, 9.82, 20.0, 60.0])
 def test_kernel_and_veil_have_unit_volume(pixels_per_deg: float) -> None:
-    nm, weights = light_spectra.primary_weights(16)
+    nm, weights = light_spectra.primary_weights(8)
     kernel, veil = whole.wave_kernel(clear_psf(), nm, weights, pixels_per_deg, *EYE)
     np.testing.assert_allclose(kernel.sum(axis=(2, 3)) + veil * np.eye(3), np.eye(3), atol=1e-3)
     assert np.einsum("o,oijk->ijk", np.array(LUMINANCE_WEIGHTS), kernel).min() >= 0
+
+
+@pytest.mark.parametrize("n", [256, 2048, 3000, 4096])
+def test_a_finer_plane_ends_before_the_veil_and_keeps_its_light(n: int) -> None:
+    psf = np.zeros((n, n), np.float32)
+    psf[n // 2, n // 2] = 1
+    nm, weights = light_spectra.primary_weights(4)
+    kernel, veil = whole.wave_kernel(psf, nm, weights, 8.0, *EYE)
+    np.testing.assert_allclose(kernel.sum(axis=(2, 3)) + veil * np.eye(3), np.eye(3), atol=1e-3)
 
 
 def test_glares_angle_does_not_depend_on_resolution() -> None:
@@ -62,6 +71,20 @@ def test_the_join_has_no_step() -> None:
     assert np.abs(steps).max() < 0.05
     outside = deg > 5
     np.testing.assert_allclose(joined[outside], analytic.cie135(deg[outside], *EYE), rtol=1e-12)
+
+
+def test_the_default_eyes_mean_is_cies() -> None:
+    """Of what its structures scatter and what the plane cannot resolve, but for the halo; and on through the join."""
+    nm, weights = light_spectra.primary_weights()
+    psf = models.monochromatic(Observer(), Pose(2.5))
+    kernel, _ = whole.wave_kernel(psf, nm, weights, 20.0, *EYE)
+    white = np.einsum("o,oijk->jk", np.array(LUMINANCE_WEIGHTS), kernel) * (np.degrees(1) * 20) ** 2
+    y, x = (np.indices(white.shape) - white.shape[0] // 2) / 20.0
+    away = np.hypot(x, y)
+    for low, high, tolerance in ((1.0, 1.5, 0.1), (1.5, 2.0, 0.1), (2.5, 3.0, 0.2), (3.4, 3.8, 0.2), (3.9, 4.4, 0.03)):
+        ring = (away > low) & (away < high)
+        expected = analytic.cie135(away[ring], *EYE).mean()
+        assert white[ring].mean() == pytest.approx(expected, rel=tolerance), (low, high)
 
 
 def test_fresh_ffts_give_the_same_kernel_in_focus() -> None:

@@ -1,0 +1,81 @@
+"""A static scene before a static eye costs nothing per frame: the same result serves while nothing changes."""
+
+import dataclasses
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from pipeline import Frame, Glare, GlareLevel, Light, Living, Looking, Observer, Perceived, RenderState, perceive
+
+EYE = Observer(gratings=20)
+
+
+def lamp() -> Frame:
+    rgb = np.full((60, 64, 3), 0.01, np.float32)
+    rgb[30, 32] = 1e4
+    return Frame.from_rgb(rgb, 40.0)
+
+
+FRAME = lamp()
+
+
+def seen(frame: Frame = FRAME, eye: Looking = Looking(pupil_mm=5.0), **more: object) -> Perceived:  # noqa: B008
+    return perceive(frame, eye, **{"observer": EYE, "state": RenderState((1.0,)), **more})
+
+
+def again(before: Perceived, frame: Frame = FRAME, eye: Looking = Looking(pupil_mm=5.0), **more: object) -> bool:  # noqa: B008
+    """Whether the next frame has the same glare, not computed again."""
+    after = perceive(frame, eye, **{"observer": EYE, "state": before.state, "dt_s": 1 / 60, **more})
+    assert after.state.glared is not None
+    return after.state.glared is before.state.glared
+
+
+def test_nothing_changed_is_not_computed_again() -> None:
+    assert again(seen())
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"eye": Looking(pupil_mm=5.1)},
+        {"eye": Looking(azimuth_deg=1.0, pupil_mm=5.0)},
+        {"glare": Glare(level=GlareLevel.FRAME)},
+        {"observer": Observer(gratings=21)},
+        {"frame": lamp()},
+        {"frame": dataclasses.replace(FRAME, lights=(Light(0, 0, 1.0),))},
+    ],
+    ids=["pupil", "gaze", "level", "observer", "another frame", "lights"],
+)
+def test_what_changes_glare_is_computed(change: dict[str, object]) -> None:
+    assert not again(seen(), **change)
+
+
+def test_a_gaze_changes_nothing_of_a_whole_frame() -> None:
+    frame = Glare(level=GlareLevel.FRAME)
+    assert again(seen(glare=frame), eye=Looking(azimuth_deg=3.0, pupil_mm=5.0), glare=frame)
+
+
+def test_lids_that_touch_no_light_change_nothing_and_those_that_do_do() -> None:
+    blinking = Observer(gratings=20, living=Living(lids=True))
+    before = seen(observer=blinking)
+    assert again(before, eye=Looking(pupil_mm=5.0, openness=0.95), observer=blinking)
+    assert not again(before, eye=Looking(pupil_mm=5.0, openness=0.5), observer=blinking)
+
+
+def test_a_lens_in_motion_is_computed_each_time() -> None:
+    moving = Observer(gratings=0, particles=50, living=Living(microfluctuations=True, lens=True))
+    assert not again(seen(observer=moving, dt_s=0.1), observer=moving)
+
+
+@pytest.mark.parametrize("level", [level for level in GlareLevel if level is not GlareLevel.REFERENCE])
+def test_only_what_the_display_cannot_show_scatters_if_asked(level: GlareLevel) -> None:
+    dim = np.full((60, 64, 3), 2.0, np.float32)
+    below = seen(Frame.from_rgb(dim, 40.0), glare=Glare(level=level, above_display=True)).state.glared
+    assert below is not None
+    assert below.result.dtype == jnp.float32
+    np.testing.assert_allclose(below.result, dim.transpose(2, 0, 1)[None], rtol=1e-6)
+    above = seen(glare=Glare(level=level, above_display=True)).state.glared
+    assert above is not None
+    assert above.result.dtype == jnp.float32
+    assert float(above.result[0, 1, 30, 32]) < 1e4
