@@ -2,22 +2,16 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable
 
 import numpy as np
 
+from pipeline.cost.timing import interleaved as timed
+
 
 def interleaved(parts: dict[str, Callable[[], object]], rounds: int) -> dict[str, np.ndarray]:
     """Milliseconds of each part in each round; the parts take turns, after one round that does not count."""
-    milliseconds: dict[str, list[float]] = {name: [] for name in parts}
-    for turn in range(rounds + 1):
-        for name, run in parts.items():
-            begun = time.perf_counter()
-            run()
-            if turn:
-                milliseconds[name].append((time.perf_counter() - begun) * 1e3)
-    return {name: np.array(times) for name, times in milliseconds.items()}
+    return {name: part.times.steady_ms for name, part in timed(parts, rounds).items()}
 
 
 def show(title: str, milliseconds: dict[str, np.ndarray], compared_to: str) -> None:

@@ -10,6 +10,7 @@ optics/       light inside the eye
 threshold.py  the smallest difference that is seen
 render.py     runs a plan
 sinks/        where perceived frames go
+cost/         what accuracy costs in time
 """
 
 import jax

@@ -33,6 +33,10 @@ LARGEST_LAYER = 8
 sub-pixel detail that is seen, and each of these takes 10 MB at 10 pixels per degree."""
 
 
+SUMMED_PX = 64
+"""Discs up to this radius have their pixels summed; of larger ones the sum is the area within 1e-5."""
+
+
 class Falloff(enum.StrEnum):
     """What light scattered to a distance weighs; what it takes stays in the centre, so that no light is lost.
 
@@ -188,6 +192,15 @@ def disc(radius: float, down: float, right: float) -> Float[np.ndarray, "j k"]:
     return covered / covered.sum()
 
 
+def _volume(at: Place) -> float:
+    """Of a disc with a ramp of one pixel for an edge, summed over the pixels it covers."""
+    if at.radius_px > SUMMED_PX:
+        return math.pi * (at.radius_px**2 + 1 / 12)
+    offset = np.arange(-SUMMED_PX - 2, SUMMED_PX + 3) + 0.5
+    away = np.hypot((offset - at.y_px % 1)[:, None], offset - at.x_px % 1)
+    return float(np.clip(at.radius_px + 0.5 - away, 0, 1).sum())
+
+
 def _large_disc(at: Place, kernel: PointKernel, falloff: Falloff, size: tuple[int, ...]) -> Float[np.ndarray, "3 y x"]:
     """What a large disc of luminance 1 puts into a frame, float32: no more of it is made than reaches the frame."""
     middle = np.asarray(phases(kernel, 0, falloff)[SUBPIXELS**2 // 2, :, 0], np.float64)
@@ -196,6 +209,5 @@ def _large_disc(at: Place, kernel: PointKernel, falloff: Falloff, size: tuple[in
     covered = np.clip(at.radius_px + 0.5 - np.hypot((y - at.y_px)[:, None], x - at.x_px), 0, 1)
     if not covered.any():
         return np.zeros((3, *size), np.float32)
-    # The volume of a disc with a ramp of one pixel for an edge.
-    covered /= math.pi * (at.radius_px**2 + 1 / 12)
+    covered /= _volume(at)
     return scipy.signal.fftconvolve(covered[None], middle, mode="valid", axes=(1, 2)).astype(np.float32)

@@ -5,7 +5,7 @@ import pytest
 import scipy.fft
 
 from pipeline.observer import Observer
-from pipeline.optics import OpticsError, aperture, coverage, lens
+from pipeline.optics import OpticsError, aperture, coverage, lens, lens_springs
 from pipeline.optics.aperture import Pose
 
 FIBRES = {"particles": 0, "cornea_cells": 0, "vitreous_particles": 0}
@@ -83,7 +83,7 @@ def test_a_deformed_lens_moves_its_particles_outward_by_their_depth_and_radius(m
     """A displacement that is bilinear in depth and radius is found exactly; azimuths stay."""
     depth, radius = np.meshgrid(np.linspace(0, 1, 17), np.linspace(0, 1, 17), indexing="ij")
     at_rest = shadows(Observer(), None, monkeypatch)
-    by_radius = shadows(Observer(), 0.1 * lens.RADIUS_M * radius, monkeypatch)
+    by_radius = shadows(Observer(), 0.1 * lens_springs.RADIUS_M * radius, monkeypatch)
     assert by_radius[0] == pytest.approx(1.1 * at_rest[0])
     assert by_radius[1] == pytest.approx(1.1 * at_rest[1])
     by_depth = shadows(Observer(), 1e-4 * depth, monkeypatch)

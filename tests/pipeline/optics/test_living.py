@@ -70,7 +70,8 @@ def test_with_nothing_switched_on_the_eye_is_at_rest_whatever_happens() -> None:
         (("microfluctuations", "lens"), {"defocus_d", "lens_m"}),
         (("vitreous",), {"vitreous_deg"}),
         (("lids",), {"openness"}),
-        (("lashes",), {"lashes"}),
+        (("lashes",), set()),  # nothing lowers them before the pupil
+        (("lids", "lashes"), {"openness", "lashes"}),
         (("squint",), {"openness"}),
         (("hippus",), {"pupil_mm"}),
     ],

@@ -71,6 +71,7 @@ def test_a_lens_in_motion_is_computed_each_time() -> None:
 @pytest.mark.parametrize("level", [level for level in GlareLevel if level is not GlareLevel.REFERENCE])
 def test_only_what_the_display_cannot_show_scatters_if_asked(level: GlareLevel) -> None:
     dim = np.full((60, 64, 3), 2.0, np.float32)
+    dim[30, 32] = 12.0  # a display of 100 cd/m² shows up to 45 to an eye adapted to 1
     below = seen(Frame.from_rgb(dim, 40.0), glare=Glare(level=level, above_display=True)).state.glared
     assert below is not None
     assert below.result.dtype == jnp.float32
