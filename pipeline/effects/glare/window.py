@@ -25,7 +25,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import scipy.fft
-from jaxtyping import Array, Complex, Float, Int
+from jaxtyping import Array, Float, Int
 from numpy.typing import NDArray
 
 from pipeline.effects.glare import convolve, stamp
@@ -152,16 +152,26 @@ def _glare(
     corner = (_corner(gaze_px[1], window.rows, view.height_px), _corner(gaze_px[0], window.columns, view.width_px))
     reach = window.rows - 1, window.columns - 1
     size = window.fft_rows, window.fft_columns
-    result = _convolve(
-        onto,
+    gaze_yx = np.array([gaze_px[1], gaze_px[0]], np.float32)
+    # Three steps compiled apart: in one, XLA makes some of their passes on one core alone, for half as long again.
+    scattering = _scattering(
         rgb,
-        tuple(convolve.transform(component, *size, reach, dtype) for component, _ in mixture),
-        convolve.weights(mixture, dtype),
-        convolve.staying(mixture).astype(dtype),
-        np.array([gaze_px[1], gaze_px[0]], np.float32),
+        gaze_yx,
         corner,
         None if ceiling_cd_m2 is None else np.float32(ceiling_cd_m2),
         None if apart is None else _inside(apart, corner, window),
+        window,
+        dtype,
+    )
+    transforms = tuple(convolve.transform(component, *size, reach, dtype) for component, _ in mixture)
+    arrives = convolve.spread(scattering, transforms, convolve.weights(mixture, dtype), window.fft_columns)
+    result = _land(
+        jnp.array(rgb, copy=True) if onto is None else onto,
+        scattering,
+        arrives,
+        convolve.staying(mixture).astype(dtype),
+        gaze_yx,
+        corner,
         window,
     )
     if apart is None:
@@ -192,40 +202,57 @@ def _inside(at: NDArray[np.intp], corner: tuple[int, int], window: Window) -> ND
     return places
 
 
-@functools.partial(jax.jit, static_argnames="window", donate_argnames="onto")
-def _convolve(
-    onto: Float[Array, "3 y x"] | None,
+@functools.partial(jax.jit, static_argnames=("window", "dtype"))
+def _scattering(
     rgb: Float[Array, "3 y x"],
-    transforms: tuple[Complex[Array, "o i u v"], ...],
-    weights: Float[Array, "n"],
-    staying: Float[Array, "3 3"],
     gaze_yx: Float[Array, "2"],
     corner: tuple[int, int],
     ceiling_cd_m2: float | None,
     apart: Int[Array, "n 2"] | None,
     window: Window,
-) -> Float[Array, "3 y x"]:
-    start = (0, *corner)
-    size = (3, window.rows, window.columns)
-    light = jax.lax.dynamic_slice(rgb, start, size)
-    dy = jnp.arange(window.rows, dtype=jnp.float32) + 0.5 + (corner[0] - gaze_yx[0])
-    dx = jnp.arange(window.columns, dtype=jnp.float32) + 0.5 + (corner[1] - gaze_yx[1])
+    dtype: convolve.Precision,
+) -> Float[Array, "3 rows columns"]:
+    """The light within the window that is convolved: weighed by the falloff, above the ceiling, without that apart."""
+    light = jax.lax.dynamic_slice(rgb, (0, *corner), (3, window.rows, window.columns))
     if ceiling_cd_m2 is not None:
         light = light * convolve.spill_share(luminance(light), ceiling_cd_m2)
     if apart is not None:
         light = light.at[:, apart[:, 0], apart[:, 1]].set(0, mode="drop")
     if math.isfinite(window.reach_px):
+        dy, dx = _away(gaze_yx, corner, window)
         light = light * falloff(jnp.sqrt(dy[:, None] ** 2 + dx[None, :] ** 2) / np.float32(window.reach_px))
-    # Kept apart, since XLA would otherwise weigh the light again for each use, and add change by change.
-    light = jax.lax.optimization_barrier(light.astype(staying.dtype))
-    arrives = convolve.spread(light, transforms, weights, window.fft_columns)[:, : window.rows, : window.columns]
+    return light.astype(dtype)
+
+
+@functools.partial(jax.jit, static_argnames="window", donate_argnames="onto")
+def _land(
+    onto: Float[Array, "3 y x"],
+    scattering: Float[Array, "3 rows columns"],
+    arrives: Float[Array, "3 v u"],
+    staying: Float[Array, "3 3"],
+    gaze_yx: Float[Array, "2"],
+    corner: tuple[int, int],
+    window: Window,
+) -> Float[Array, "3 y x"]:
+    """Adds what scattering changes: where the light came from and where it arrives."""
+    arrives = arrives[:, : window.rows, : window.columns]
+    dy, dx = _away(gaze_yx, corner, window)
     lands = (jnp.abs(dy) < window.lands_px)[:, None] & (jnp.abs(dx) < window.lands_px)[None, :]
-    change = jax.lax.optimization_barrier(
-        convolve.through(staying[:, :, None, None], light) + jnp.where(lands, arrives, 0)
-    )
-    image = rgb if onto is None else onto
-    now = jax.lax.dynamic_slice(image, start, size)
-    return jax.lax.dynamic_update_slice(image, (now + change).astype(jnp.float32), start)
+    # Where rounding leaves less than nothing, nothing arrives.
+    lands = lands & (luminance(arrives) > 0)
+    change = convolve.through(staying[:, :, None, None], scattering) + jnp.where(lands, arrives, 0)
+    start = (0, *corner)
+    now = jax.lax.dynamic_slice(onto, start, (3, window.rows, window.columns))
+    return jax.lax.dynamic_update_slice(onto, (now + change).astype(jnp.float32), start)
+
+
+def _away(
+    gaze_yx: Float[Array, "2"], corner: tuple[int, int], window: Window
+) -> tuple[Float[Array, "rows"], Float[Array, "columns"]]:
+    """How far the window's rows and columns lie from the gaze, in pixels."""
+    dy = jnp.arange(window.rows, dtype=jnp.float32) + 0.5 + (corner[0] - gaze_yx[0])
+    dx = jnp.arange(window.columns, dtype=jnp.float32) + 0.5 + (corner[1] - gaze_yx[1])
+    return dy, dx
 
 
 def falloff(share_of_reach: convolve.Values) -> convolve.Values:
