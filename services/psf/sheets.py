@@ -44,7 +44,7 @@ def anatomy(subject: Subject) -> Sheet:
     clear = _posed(_observed(subject, **none), openness=1.0, lashes=False)
     lidded = _posed(clear, openness=0.5)
     parts = [
-        (f"pupil of {subject.pose.pupil_mm:g} mm alone", clear),
+        (f"pupil of {subject.pose.pupil_mm:g} mm", clear),
         (f"{eye.particles} lens particles", _observed(clear, particles=eye.particles)),
         (f"{eye.cornea_cells} cornea cells", _observed(clear, cornea_cells=eye.cornea_cells)),
         (f"{eye.vitreous_particles} vitreous particles", _observed(clear, vitreous_particles=eye.vitreous_particles)),
@@ -53,7 +53,7 @@ def anatomy(subject: Subject) -> Sheet:
         (f"lids half closed, {eye.lashes} lashes", _posed(lidded, lashes=True)),
         ("the whole eye, open", _posed(subject, openness=1.0, lashes=False)),
     ]
-    note = "the ring from 3.3° on is CIE 135's veil, which goes on where the computed field ends"
+    note = "each with the smooth light that no structure resolves: a share of CIE 135's, all of it beyond the field"
     return _sheet("What each part of the eye does to the light", [parts[:4], parts[4:]], note)
 
 
