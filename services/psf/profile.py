@@ -16,12 +16,14 @@ import numpy as np
 from scipy.interpolate import PchipInterpolator
 
 from pipeline.observer import Observer
-from pipeline.optics import diffraction, radial
+from pipeline.optics import analytic, diffraction, radial
 from pipeline.optics.aperture import Pose
 from services.psf.subject import Angles, Subject, field
 
 THETA_DEG: Angles = np.concatenate([[0.0], np.geomspace(0.002, 90.0, 240)])
 """Rows of the tables: from half a sample of the pupil plane's function at 575 nm, each 4.6 % further out."""
+CPD: Angles = np.geomspace(0.1, 100, 121)
+"""Spatial frequencies of the transfer functions, in cycles per degree."""
 TABLE_NM = (400.0, 450.0, 500.0, 550.0, 600.0, 650.0, 700.0)
 RATIOS_DEG = (0.1, 0.3, 1.0, 2.0, 3.0)
 """Where wave optics is compared with CIE 135."""
@@ -88,11 +90,23 @@ def write_tables(subject: Subject, folder: Path) -> None:
     _write(folder / "encircled.csv", names, [within(THETA_DEG) for within in functions])
 
 
-def _write(path: Path, names: Sequence[str], columns: Sequence[Angles]) -> None:
+def write_transfer(subject: Subject, folder: Path) -> None:
+    """mtf.csv: contrast that is left at each spatial frequency, by the formulas and by a clear pupil's diffraction."""
+    age, pupil_mm = subject.observer.age_years, subject.pose.diameter_m * 1e3
+    columns = {
+        "cie135": analytic.cie135_mtf(CPD, age, subject.pigmentation),
+        "ijspeert": analytic.ijspeert_mtf(CPD, pupil_mm, age, analytic.STRAYLIGHT[subject.observer.iris]),
+        "spe": analytic.spe_mtf(CPD, subject.adapted_cd_m2, age),
+        "clear_pupil_555_nm": analytic.diffraction_mtf(CPD, pupil_mm, 555.0),
+    }
+    _write(folder / "mtf.csv", ["cycles_per_deg", *columns], list(columns.values()), CPD)
+
+
+def _write(path: Path, names: Sequence[str], columns: Sequence[Angles], rows: Angles = THETA_DEG) -> None:
     with path.open("w", newline="", encoding="utf-8") as file:
         table = csv.writer(file)
         table.writerow(names)
-        for row in zip(THETA_DEG, *columns, strict=True):
+        for row in zip(rows, *columns, strict=True):
             table.writerow([f"{value:.6g}" for value in row])
 
 

@@ -66,6 +66,7 @@ def _write_eye(subject: Subject, wanted: Wanted, folder: Path, console: Console)
     plane = np.asarray(pupil_plane(subject.observer, subject.pose, GRID))
     plots.write_pupil_plane(folder / "pupil_plane.png", plane, words)
     profile.write_tables(subject, folder)
+    profile.write_transfer(subject, folder)
     cie, ijspeert = (dataclasses.replace(subject, model=model) for model in (GlareModel.CIE, GlareModel.IJSPEERT))
     lines = {subject.model: subject, GlareModel.CIE: cie, GlareModel.IJSPEERT: ijspeert}
     functions = [(_NAMES[model], profile.luminous(one)) for model, one in lines.items()]

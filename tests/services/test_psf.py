@@ -258,7 +258,7 @@ def test_all_that_is_written_of_an_eye(tmp_path: Path) -> None:
     said = Console(file=io.StringIO(), width=200)
     wanted = results.Wanted(size_px=150, field_deg=9.0, sheets=False, film_s=None)
     results.run(CIE, wanted, tmp_path / "out", said)
-    names = {"encircled.csv", "profile.csv", "profiles.png", "psf.png", "pupil_plane.png"}
+    names = {"encircled.csv", "mtf.csv", "profile.csv", "profiles.png", "psf.png", "pupil_plane.png"}
     assert {path.name for path in (tmp_path / "out").iterdir()} == names
     with (tmp_path / "out" / "profile.csv").open(newline="") as file:
         rows = list(csv.DictReader(file))

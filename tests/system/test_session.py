@@ -33,6 +33,21 @@ def rows(path: Path) -> list[dict[str, str]]:
         return list(csv.DictReader(file))
 
 
+LIVING = """
+[observer]
+gratings = 0
+particles = 300
+cornea_cells = 0
+
+[observer.living]
+microfluctuations = true
+lens = true
+vitreous = true
+lids = true
+lashes = true
+"""
+
+
 def children_of(folder: Path) -> list[str]:
     """Command lines of processes that still work on a session in this folder."""
     listed = subprocess.run(["ps", "-ewwo", "args"], capture_output=True, text=True, check=True).stdout
@@ -49,7 +64,7 @@ def test_a_session_end_to_end_and_the_same_again(tmp_path: Path) -> None:
         summaries.append(json.loads((tmp_path / name / "summary.json").read_text()))
     one = tmp_path / "one"
     assert {path.name for path in one.iterdir()} == {
-        "events.csv", "frames", "key_frames", "perceived.mp4", "plan.csv", "report.html", "scene_luminance.csv",
+        ".entoptic", "events.csv", "frames", "key_frames", "perceived.mp4", "plan.csv", "report.html", "scene_luminance.csv",
         "states.csv", "summary.json",
     }  # fmt: skip
     worker = summaries[0]["worker"]
@@ -71,6 +86,18 @@ def test_a_session_end_to_end_and_the_same_again(tmp_path: Path) -> None:
         first, second = (hashlib.sha256((tmp_path / name / form).read_bytes()).digest() for name in ("one", "two"))
         assert first == second
     assert children_of(tmp_path) == []
+
+
+def test_eyes_in_motion_are_the_same_twice_and_not_those_at_rest(tmp_path: Path) -> None:
+    """Saccades come on another socket than states, and still always meet the same frame."""
+    (tmp_path / "living.toml").write_text(LIVING)
+    hashes = []
+    for name, more in (("one", ["--settings", "living.toml"]), ("two", ["--settings", "living.toml"]), ("rest", [])):
+        done = session("--seconds", "0.6", "--seed", "4", "--fps", "10", "--out", name, *more, cwd=tmp_path)
+        assert done.returncode == 0, done.stderr
+        summary = json.loads((tmp_path / name / "summary.json").read_text())
+        hashes.append(summary["worker"]["perceived_sha256"])
+    assert hashes[0] == hashes[1] != hashes[2]
 
 
 def test_a_live_session_keeps_the_clock_and_says_what_it_dropped(tmp_path: Path) -> None:
