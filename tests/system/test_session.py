@@ -64,7 +64,8 @@ def test_a_session_end_to_end_and_the_same_again(tmp_path: Path) -> None:
         summaries.append(json.loads((tmp_path / name / "summary.json").read_text()))
     one = tmp_path / "one"
     assert {path.name for path in one.iterdir()} == {
-        ".entoptic", "events.csv", "frames", "key_frames", "perceived.mp4", "plan.csv", "report.html", "scene_luminance.csv",
+        ".entoptic", "events.csv", "frames", "key_frames", "perceived.mp4", "plan.csv", "report.html",
+        "scene_luminance.csv",
         "states.csv", "summary.json",
     }  # fmt: skip
     worker = summaries[0]["worker"]
