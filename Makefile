@@ -17,7 +17,7 @@ session: setup
 	$(BIN)/entoptic session
 
 test: setup
-	$(BIN)/pytest -n auto --dist loadfile
+	$(BIN)/pytest -n auto --dist loadfile --no-loadscope-reorder
 
 test-all: setup
 	$(BIN)/pytest -m ''

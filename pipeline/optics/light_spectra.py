@@ -2,6 +2,8 @@
 
 Everything is summed over equal bands of wavelengths from tables at every nanometre, so a few bands carry all the light
 of a narrow line. A band stands for its middle.
+
+colour-science is imported where it is used: it takes two seconds, which who only asks for help need not wait.
 """
 
 from __future__ import annotations
@@ -12,9 +14,7 @@ import math
 from collections.abc import Callable
 from pathlib import Path
 
-import colour
 import numpy as np
-from colour.recovery import MSDS_BASIS_FUNCTIONS_sRGB_MALLETT2019
 from jaxtyping import Float
 from numpy.typing import NDArray
 
@@ -57,12 +57,16 @@ ALIASES = {"tungsten": "A", "incandescent": "A", "daylight": "D65"}
 
 def names() -> list[str]:
     """Of all lights that `light_weights` knows."""
+    import colour
+
     return [*FORMULAS, *ALIASES, *colour.SDS_ILLUMINANTS]
 
 
 @functools.cache
 def _observer() -> tuple[Wavelengths, Float[np.ndarray, "nm 3"]]:
     """Every nanometre of the range, and the linear Rec.709 RGB of a watt there, negative where out of gamut."""
+    import colour
+
     nm = np.arange(RANGE_NM[0], RANGE_NM[1] + 1)
     cmfs = colour.MSDS_CMFS["CIE 1931 2 Degree Standard Observer"]
     to_rgb = np.asarray(colour.RGB_COLOURSPACES["ITU-R BT.709"].matrix_XYZ_to_RGB)
@@ -77,6 +81,8 @@ def primaries() -> tuple[Wavelengths, Float[np.ndarray, "nm 3"]]:
     that each spectrum's colour is its primary's exactly: by 0.1 % at most, what Mallett's
     five nanometres and other ends of the range leave.
     """
+    from colour.recovery import MSDS_BASIS_FUNCTIONS_sRGB_MALLETT2019
+
     nm, rgb_of_watt = _observer()
     table = MSDS_BASIS_FUNCTIONS_sRGB_MALLETT2019
     reflectances = np.stack([np.interp(nm, table.wavelengths, table.values[:, c]) for c in range(3)], axis=1)
@@ -119,6 +125,8 @@ def light_weights(
 
 
 def _luminance_of_rgb() -> Float[np.ndarray, "3"]:
+    import colour
+
     return np.asarray(colour.RGB_COLOURSPACES["ITU-R BT.709"].matrix_RGB_to_XYZ)[1]
 
 
@@ -139,11 +147,15 @@ def _in_bands(values: Float[np.ndarray, "nm *c"], count: int) -> tuple[Wavelengt
 
 
 def _tabulated(name: str, nm: Wavelengths) -> Wavelengths:
+    import colour
+
     table = colour.SDS_ILLUMINANTS[name]
     return np.interp(nm, table.wavelengths, table.values, left=0, right=0)
 
 
 def _power(name_or_path: str | Path, nm: Wavelengths) -> Wavelengths:
+    import colour
+
     name = str(name_or_path)
     name = ALIASES.get(name, name)
     if name in FORMULAS:

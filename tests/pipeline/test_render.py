@@ -108,7 +108,7 @@ def field(kind: str, seed: int) -> np.ndarray:
     return np.asarray(rgb / np.asarray(luminance(rgb.transpose(2, 0, 1))).max(), np.float32)
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=40, deadline=None)
 @given(
     st.sampled_from(FIELD),
     st.integers(0, 1000),

@@ -30,12 +30,17 @@ EYE = Subject(Observer(seed=2), Pose(6.0), wavelengths=16)
 CIE = Subject(Observer(), Pose(5.0), GlareModel.CIE, wavelengths=4)
 
 
+def core_within(subject: Subject, nm: float, deg: np.ndarray) -> np.ndarray:
+    """The share of the core's light within angles: all light but the formula's, which goes on beyond the core."""
+    formula = radial.encircled(lambda at: subject.formula(at, nm), deg)
+    return (profile.encircled(subject, nm)(deg) - formula) / subject.core_share(nm)
+
+
 def test_a_clear_eye_is_airys() -> None:
     deg = np.geomspace(0.001, 0.3, 60)
     airy = radial.encircled(lambda at: analytic.airy(at, 5.0, 575.0), deg)
-    share = AIRY.core_share(575.0)
     # What Airy's pattern has beyond the field is the core's too.
-    np.testing.assert_allclose(profile.encircled(AIRY, 575.0)(deg) / share, airy, atol=0.004)
+    np.testing.assert_allclose(core_within(AIRY, 575.0, deg), airy, atol=0.004)
 
 
 @pytest.mark.parametrize("model", GlareModel)
@@ -67,7 +72,7 @@ def test_the_halo_lies_at_three_degrees_and_grows_with_the_wavelength(nm: float)
 
 def test_a_wavelengths_core_is_the_others_scaled() -> None:
     deg = np.array([0.01, 0.1, 1.0, 2.0])
-    blue, red = (profile.encircled(EYE, nm)(deg * nm / 575) / EYE.core_share(nm) for nm in (450.0, 650.0))
+    blue, red = (core_within(EYE, nm, deg * nm / 575) for nm in (450.0, 650.0))
     np.testing.assert_allclose(blue, red, rtol=1e-9)
 
 
@@ -196,7 +201,7 @@ def test_a_film_and_its_strip(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -
     with av.open(str(tmp_path / "psf.mp4")) as opened:
         frames = [frame.to_ndarray(format="rgb24") for frame in opened.decode(video=0)]
     assert [frame.shape for frame in frames] == [(102, 102, 3)] * 2
-    assert np.abs(frames[0].astype(int) - frames[1]).max() > 10, "nothing moved"
+    assert np.abs(frames[0].astype(int) - frames[1]).max() > 4, "nothing moved"
     assert (tmp_path / "psf_film.png").stat().st_size > 0
 
 
@@ -258,7 +263,7 @@ def test_all_that_is_written_of_an_eye(tmp_path: Path) -> None:
     said = Console(file=io.StringIO(), width=200)
     wanted = results.Wanted(size_px=150, field_deg=9.0, sheets=False, film_s=None)
     results.run(CIE, wanted, tmp_path / "out", said)
-    names = {"encircled.csv", "mtf.csv", "profile.csv", "profiles.png", "psf.png", "pupil_plane.png"}
+    names = {".entoptic", "encircled.csv", "mtf.csv", "profile.csv", "profiles.png", "psf.png", "pupil_plane.png"}
     assert {path.name for path in (tmp_path / "out").iterdir()} == names
     with (tmp_path / "out" / "profile.csv").open(newline="") as file:
         rows = list(csv.DictReader(file))

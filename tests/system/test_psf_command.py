@@ -47,7 +47,7 @@ def test_an_eye_is_shown_saved_and_taken_up_again(tmp_path: Path, entoptic: Done
     )
     assert done.returncode == 0, done.stderr
     assert {path.name for path in tmp_path.iterdir()} == {"one", "my_eye.toml"}
-    written = {"encircled.csv", "mtf.csv", "profile.csv", "profiles.png", "psf.png", "pupil_plane.png"}
+    written = {".entoptic", "encircled.csv", "mtf.csv", "profile.csv", "profiles.png", "psf.png", "pupil_plane.png"}
     assert {path.name for path in (tmp_path / "one").iterdir()} == written
     assert "wave/CIE 135" in done.stderr
     observer = load(tmp_path / "my_eye.toml").observer

@@ -89,16 +89,18 @@ def test_a_session_end_to_end_and_the_same_again(tmp_path: Path) -> None:
     assert children_of(tmp_path) == []
 
 
-def test_eyes_in_motion_are_the_same_twice_and_not_those_at_rest(tmp_path: Path) -> None:
+def test_eyes_in_motion_are_the_same_twice(tmp_path: Path) -> None:
     """Saccades come on another socket than states, and still always meet the same frame."""
     (tmp_path / "living.toml").write_text(LIVING)
     hashes = []
-    for name, more in (("one", ["--settings", "living.toml"]), ("two", ["--settings", "living.toml"]), ("rest", [])):
-        done = session("--seconds", "0.6", "--seed", "4", "--fps", "10", "--out", name, *more, cwd=tmp_path)
+    for name in ("one", "two"):
+        done = session(
+            "--seconds", "0.5", "--seed", "4", "--fps", "10", "--out", name, "--settings", "living.toml", cwd=tmp_path
+        )
         assert done.returncode == 0, done.stderr
         summary = json.loads((tmp_path / name / "summary.json").read_text())
         hashes.append(summary["worker"]["perceived_sha256"])
-    assert hashes[0] == hashes[1] != hashes[2]
+    assert hashes[0] == hashes[1]
 
 
 def test_a_live_session_keeps_the_clock_and_says_what_it_dropped(tmp_path: Path) -> None:

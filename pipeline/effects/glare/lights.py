@@ -16,10 +16,10 @@ import functools
 import math
 from collections import defaultdict
 from collections.abc import Callable, Sequence
+from typing import Literal
 
 import jax.numpy as jnp
 import numpy as np
-import scipy.signal
 from jaxtyping import Array, Float
 from numpy.typing import NDArray
 
@@ -158,7 +158,7 @@ def phases(kernel: PointKernel, layer: int, falloff: Falloff) -> Float[Array, "s
     """What a light in the middle of each sub-pixel puts into the pixels around: a disc of `layer` pixels or a point."""
     fine = _weighed(kernel, falloff).astype(np.float64)
     if layer:
-        fine = scipy.signal.fftconvolve(fine, disc(layer * SUBPIXELS, 0.0, 0.0)[None], axes=(1, 2))
+        fine = _convolved(fine, disc(layer * SUBPIXELS, 0.0, 0.0)[None])
     side = fine.shape[1]
     radius = -(-(side // 2) // SUBPIXELS)
     summed = np.pad(fine, ((0, 0), (1, 0), (1, 0))).cumsum(axis=1).cumsum(axis=2)
@@ -210,4 +210,13 @@ def _large_disc(at: Place, kernel: PointKernel, falloff: Falloff, size: tuple[in
     if not covered.any():
         return np.zeros((3, *size), np.float32)
     covered /= _volume(at)
-    return scipy.signal.fftconvolve(covered[None], middle, mode="valid", axes=(1, 2)).astype(np.float32)
+    return _convolved(covered[None], middle, "valid").astype(np.float32)
+
+
+def _convolved(
+    one: NDArray[np.float64], two: NDArray[np.float64], mode: Literal["full", "valid"] = "full"
+) -> NDArray[np.float64]:
+    # Imported here, since it takes a second and most frames have no discs.
+    from scipy.signal import fftconvolve
+
+    return np.asarray(fftconvolve(one, two, mode=mode, axes=(1, 2)))

@@ -19,8 +19,6 @@ from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
-import scipy.interpolate
-import scipy.signal
 from numpy.typing import ArrayLike, NDArray
 
 from pipeline.effects.glare import convolve, models, veil
@@ -119,10 +117,13 @@ def _convolved(light: Reals, kernel: Reals) -> Reals:
     middle = kernel.shape[-1] // 2
     up, left = min(middle, height - 1), min(middle, width - 1)
     reaching = kernel[..., middle - up : middle + up + 1, middle - left : middle + left + 1]
+    # Imported here, since it takes a second and only this level needs it.
+    from scipy.signal import fftconvolve
+
     result = np.zeros_like(light)
     for o, i in np.ndindex(3, 3):
         if light[i].any() and reaching[o, i].any():
-            full = scipy.signal.fftconvolve(light[i], reaching[o, i])
+            full = fftconvolve(light[i], reaching[o, i])
             result[o] += full[up : up + height, left : left + width]
     return result
 
@@ -222,11 +223,11 @@ def _sampled(size: int, side: int) -> NDArray[np.intp]:
 
 
 def _read_off(low: Reals, rows: NDArray[np.intp], columns: NDArray[np.intp], view: View) -> Reals:
+    from scipy.interpolate import RectBivariateSpline
+
     if len(rows) == 1:
         rows, low = np.array([0, 1]), np.repeat(low, 2, axis=0)
     if len(columns) == 1:
         columns, low = np.array([0, 1]), np.repeat(low, 2, axis=1)
-    spline = scipy.interpolate.RectBivariateSpline(
-        rows, columns, low, kx=min(3, len(rows) - 1), ky=min(3, len(columns) - 1)
-    )
+    spline = RectBivariateSpline(rows, columns, low, kx=min(3, len(rows) - 1), ky=min(3, len(columns) - 1))
     return np.asarray(spline(np.arange(view.height_px), np.arange(view.width_px)))
