@@ -89,6 +89,7 @@ def test_a_session_end_to_end_and_the_same_again(tmp_path: Path) -> None:
     assert children_of(tmp_path) == []
 
 
+@pytest.mark.slow
 def test_eyes_in_motion_are_the_same_twice(tmp_path: Path) -> None:
     """Saccades come on another socket than states, and still always meet the same frame."""
     (tmp_path / "living.toml").write_text(LIVING)
