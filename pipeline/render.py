@@ -210,7 +210,8 @@ def _glare(frame: Frame, sights: Sequence[Sight], settings: Glare, before: Glare
     if before is not None and before.rgb_cd_m2 is frame.rgb_cd_m2 and before.cause == cause:
         return before
     images = [scatter(frame.rgb_cd_m2[k], sight, settings) for k, sight in enumerate(sights)]
-    return Glared(frame.rgb_cd_m2, cause, jnp.stack(images))
+    # Waited for here: the clock does not see into a record.
+    return Glared(frame.rgb_cd_m2, cause, jax.block_until_ready(jnp.stack(images)))
 
 
 Result = TypeVar("Result")
