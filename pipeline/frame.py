@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import enum
 import math
 from typing import Annotated
 
@@ -150,6 +151,19 @@ def clean(values: np.ndarray) -> tuple[np.ndarray, Cleaned]:
     return np.where(nan | negative, 0, np.where(infinite, largest, values)).astype(values.dtype), cleaned
 
 
+class Encoding(enum.StrEnum):
+    """What a display expects: primaries, transfer function, depth."""
+
+    SRGB = "srgb"
+    """Rec.709 primaries, sRGB transfer function, 8 bits."""
+    LINEAR = "linear"
+    """Rec.709 primaries, linear, float32: 1 is the display's peak."""
+    DISPLAY_P3 = "display-p3"
+    """P3 primaries with D65 white, sRGB transfer function, 8 bits."""
+    HDR10 = "hdr10"
+    """Rec.2020 primaries, PQ (SMPTE ST 2084), 10 bits: absolute cd/m²."""
+
+
 class Display(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """What shows the perceived frame."""
 
@@ -158,3 +172,6 @@ class Display(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     and has more room above it, a dimmer one shows the same picture darker."""
     black_cd_m2: Annotated[float, msgspec.Meta(ge=0.0, le=10.0)] = 0.0
     """Luminance of full black."""
+    surround_cd_m2: Annotated[float, msgspec.Meta(ge=0.0, le=10000.0)] = 0.0
+    """Luminance of what surrounds the display: 0 in a headset or a dark room."""
+    encoding: Encoding = Encoding.SRGB
