@@ -1,0 +1,100 @@
+"""The luminance that an eye is on its way to, from the means of a frame's tiles."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.effects.adaptation.settings import DEFAULT, Adaptation, Target
+from pipeline.measure import Measurement
+
+FLOOR_CD_M2 = 1e-6
+"""Starlight: what an eye is adapted to in front of a black frame; KRI 4.15's ε."""
+LIMIT = 100.0
+"""Times the geometric mean from which on a tile counts by its logarithm, if robust. Engineering choice: a person's
+whole view by day or in a lit room spans less, so nothing changes there; docs/adaptation.md has what 10 and 1000 do."""
+
+Tiles = NDArray[np.float64]
+"""(tile rows, tile columns)"""
+
+
+def target_cd_m2(
+    measurement: Measurement,
+    azimuth_deg: float,
+    elevation_deg: float,
+    settings: Adaptation = DEFAULT,
+    *,
+    equirectangular: bool = False,
+) -> float:
+    """The luminance an eye with this direction of gaze is on its way to; FLOOR_CD_M2 or more.
+
+    A gaze outside the frame takes the part of the frame that is nearest to it; only target `lui` follows the gaze.
+    `equirectangular`: the frame is a whole panorama, zenith first, and for `kri` and `bar-scene` each row weighs as
+    much as it covers of the sphere (BAR §3.2: sin of its latitude from the pole).
+    """
+    tiles = measurement.tile_mean_cd_m2.astype(np.float64)
+    match settings.target:
+        case Target.LUI:
+            weights = _around_gaze(measurement, azimuth_deg, elevation_deg, settings.gaze_sd_deg)
+        case Target.BAR_VIEW:
+            weights = _around_middle(measurement)
+        case Target.KRI | Target.BAR_SCENE:
+            weights = _covered(measurement, equirectangular=equirectangular)
+    weights = weights / weights.sum()
+    if settings.robust:
+        tiles = soft_limit(tiles, LIMIT * _log_mean(tiles, weights))
+    mean = _log_mean(tiles, weights) if settings.target is Target.KRI else float((weights * tiles).sum())
+    return max(mean, FLOOR_CD_M2)
+
+
+def soft_limit(tiles: Tiles, limit_cd_m2: float) -> Tiles:
+    """Luminances as they are up to a limit, and growing by the limit for each factor e above it: without a step."""
+    return np.where(tiles > limit_cd_m2, limit_cd_m2 * (1 + np.log(np.maximum(tiles / limit_cd_m2, 1))), tiles)
+
+
+def _log_mean(tiles: Tiles, weights: Tiles) -> float:
+    """KRI 4.15, of tiles' means: what varies within a tile is averaged as light."""
+    return float(np.exp((weights * np.log(tiles + FLOOR_CD_M2)).sum()))
+
+
+def _around_gaze(measurement: Measurement, azimuth_deg: float, elevation_deg: float, sd_deg: float) -> Tiles:
+    view = measurement.view
+    x_px, y_px = view.pixel_of(azimuth_deg, elevation_deg)
+    x_px, y_px = min(max(x_px, 0.0), view.width_px), min(max(y_px, 0.0), view.height_px)
+    sd_px = sd_deg * view.ppd_centre
+    rows, columns = (np.arange(count) + 0.5 for count in measurement.tile_mean_cd_m2.shape)
+    along_y, along_x = (
+        np.exp(-((middle * measurement.tile_px - at_px) ** 2) / (2 * sd_px**2))
+        for middle, at_px in ((rows, y_px), (columns, x_px))
+    )
+    return np.outer(along_y, along_x)
+
+
+def _around_middle(measurement: Measurement) -> Tiles:
+    """BAR 5–6 at the tiles' middles, times how much of each lies in the frame."""
+    view = measurement.view
+    y, x = (
+        (edges[:-1] + edges[1:]) / side_px - 1
+        for edges, side_px in zip(_edges(measurement), (view.height_px, view.width_px), strict=True)
+    )
+    weights = np.maximum(1 - 4 * (y[:, None] ** 2 + x[None, :] ** 2), 0) * _covered(measurement)
+    # Of a frame of one or two tiles a side no middle lies that near the frame's.
+    return weights if weights.any() else _covered(measurement)
+
+
+def _covered(measurement: Measurement, *, equirectangular: bool = False) -> Tiles:
+    """How much of the frame, or of the sphere, each tile covers; those at the lower and right edge may be cut."""
+    along_y, along_x = _edges(measurement)
+    if equirectangular:
+        along_y = -np.cos(np.pi * along_y / measurement.view.height_px)
+    return np.outer(np.diff(along_y), np.diff(along_x))
+
+
+def _edges(measurement: Measurement) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Where tiles begin and end, in px from the upper left corner: (tile rows + 1,), (tile columns + 1,)."""
+    rows, columns = measurement.tile_mean_cd_m2.shape
+    view, tile_px = measurement.view, measurement.tile_px
+    return (
+        np.minimum(np.arange(rows + 1.0) * tile_px, view.height_px),
+        np.minimum(np.arange(columns + 1.0) * tile_px, view.width_px),
+    )
