@@ -1,0 +1,42 @@
+"""From scene luminance to the display's, and the display's encoding.
+
+settings.py  which operator, and what becomes of colours beyond the display's
+show.py      the one entry: a frame in cd/m² as the display shows it
+filmic.py    the ACES curve
+seen.py      what a person sees of a display: black, peak, reflected light
+bounds.py    what tone mapping makes of a range of values and of a change, in code values in the end
+encoding.py  sRGB code values
+"""
+
+from pipeline.effects.tone.bounds import code_values, passed_on, shown
+from pipeline.effects.tone.encoding import encode
+from pipeline.effects.tone.filmic import (
+    MIDDLE_GREY,
+    REFERENCE_PEAK_CD_M2,
+    aces,
+    ceiling_cd_m2,
+    display_scale,
+)
+from pipeline.effects.tone.seen import black_share, reflected_cd_m2, seen_peak_cd_m2, viewer_cd_m2
+from pipeline.effects.tone.settings import Hue, Operator, Tone
+from pipeline.effects.tone.show import show
+
+__all__ = [
+    "MIDDLE_GREY",
+    "REFERENCE_PEAK_CD_M2",
+    "Hue",
+    "Operator",
+    "Tone",
+    "aces",
+    "black_share",
+    "ceiling_cd_m2",
+    "code_values",
+    "display_scale",
+    "encode",
+    "passed_on",
+    "reflected_cd_m2",
+    "seen_peak_cd_m2",
+    "show",
+    "shown",
+    "viewer_cd_m2",
+]

@@ -1,0 +1,91 @@
+"""The ACES filmic curve, of each component or of luminance alone."""
+
+from __future__ import annotations
+
+import functools
+import math
+from typing import TypeVar
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+from numpy.typing import NDArray
+
+REFERENCE_PEAK_CD_M2 = 100.0
+"""The peak that the ACES fit is made for."""
+MIDDLE_GREY = 0.18
+"""What a brighter display shows at the same luminance as the reference, 1 being reference white (Reinhard 2002)."""
+FLAT = 1e4
+"""Exposed values end here: the curve is flat, and its square would overflow for a sun."""
+
+Values = TypeVar("Values", Array, NDArray[np.float64])
+
+
+def curve(x: Values) -> Values:
+    """The ACES filmic curve as real-time renderers fit it (Narkowicz 2016): 0 at 0, monotonic, towards 1.033."""
+    return x * (2.51 * x + 0.03) / (x * (2.43 * x + 0.59) + 0.14)
+
+
+def display_scale(peak_cd_m2: float | Array) -> Float[Array, ""]:
+    """What exposed values are multiplied by for a display of this peak.
+
+    Above the reference, such that middle grey keeps its luminance and what is brighter has the room up to the peak;
+    contrast rises, so what is darker becomes darker. Below it 1: the whole picture is as much darker as the peak is.
+    """
+    y = jnp.minimum(curve(jnp.asarray(MIDDLE_GREY)), 1) * jnp.minimum(REFERENCE_PEAK_CD_M2 / peak_cd_m2, 1)
+    # The curve solved for x: (2.51 − 2.43y)·x² + (0.03 − 0.59y)·x − 0.14y = 0.
+    square, linear = 2.51 - 2.43 * y, 0.03 - 0.59 * y
+    return (jnp.sqrt(linear * linear + 0.56 * y * square) - linear) / (2 * square * MIDDLE_GREY)
+
+
+@functools.cache
+def display_scale_of(peak_cd_m2: float) -> float:
+    """The same as a number, kept: a call of JAX for one number takes longer than a bound may."""
+    return float(display_scale(peak_cd_m2))
+
+
+def slope(x: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The curve's derivative: rises from 0.21 at 0 to 1.80 at INFLECTION, and falls from there."""
+    return (1.408 * x * x + 0.7028 * x + 0.0042) / (x * (2.43 * x + 0.59) + 0.14) ** 2
+
+
+def _inflection() -> float:
+    numerator, denominator = np.poly1d([1.408, 0.7028, 0.0042]), np.poly1d([2.43, 0.59, 0.14])
+    bend = numerator.deriv() * denominator - 2 * numerator * denominator.deriv()
+    return float(max(bend.roots.real))
+
+
+INFLECTION = _inflection()
+"""Where the curve is steepest, 0.120."""
+
+
+def steepest(low: NDArray[np.float64], high: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The largest slope between two places."""
+    return slope(np.clip(INFLECTION, low, high))
+
+
+def concave(x: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The curve with its foot drawn out straight at its largest slope: it rises nowhere less than the curve does."""
+    foot = slope(np.float64(INFLECTION)) * (x - INFLECTION) + curve(np.float64(INFLECTION))
+    return np.where(x < INFLECTION, foot, np.minimum(curve(np.minimum(x, FLAT)), 1))
+
+
+@jax.jit
+def aces(rgb: Float[Array, "eye 3 y x"], exposure: Float[Array, "eye"], peak_cd_m2: float) -> Float[Array, "eye 3 y x"]:
+    """A frame in cd/m² as the display shows it, linear, 1 = the display's peak.
+
+    `exposure` in 1/(cd/m²) brings each eye's frame to where 1 is the reference white of 100 cd/m².
+    """
+    scale = (exposure * display_scale(peak_cd_m2)).astype(jnp.float32)
+    # Spectral colours of glare lie outside the display's, below 0.
+    return jnp.minimum(curve(jnp.clip(rgb * scale[:, None, None, None], 0, np.float32(FLAT))), 1)
+
+
+FULL = (0.56 + math.sqrt(0.56**2 + 4 * 0.08 * 0.14)) / (2 * 0.08)
+"""Where the curve reaches 1: x·(2.51·x + 0.03) = x·(2.43·x + 0.59) + 0.14."""
+
+
+def ceiling_cd_m2(exposure: float, peak_cd_m2: float) -> float:
+    """The scene's luminance from which on the display shows its peak."""
+    return FULL / (float(exposure) * display_scale_of(float(peak_cd_m2)))

@@ -1,0 +1,132 @@
+"""What is said of a tile before tone mapping holds after it, and in code values."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from pipeline.effects import tone
+from pipeline.effects.tone import Hue, Operator, Tone
+from pipeline.frame import Display, Encoding
+from pipeline.measure import luminance
+from pipeline.ranges import Change, Range
+
+TILE_PX, SIDE_PX = 4, 12
+TONES = st.builds(Tone, operator=st.sampled_from([Operator.ACES]), hue=st.sampled_from(Hue))
+DISPLAYS = st.builds(
+    Display,
+    peak_cd_m2=st.sampled_from([40.0, 100.0, 1000.0]),
+    black_cd_m2=st.sampled_from([0.0, 0.5]),
+    surround_cd_m2=st.sampled_from([0.0, 300.0]),
+    encoding=st.sampled_from(Encoding),
+)
+
+
+def tiles(values: np.ndarray) -> np.ndarray:
+    """The pixels of each tile, (channel, row, column, pixel)."""
+    count = SIDE_PX // TILE_PX
+    cut = values.reshape(-1, count, TILE_PX, count, TILE_PX)
+    return cut.transpose(0, 1, 3, 2, 4).reshape(-1, count, count, TILE_PX**2)
+
+
+def with_luminance(rgb: np.ndarray) -> np.ndarray:
+    return np.concatenate([rgb, luminance(np.asarray(rgb, np.float64))[None]])
+
+
+def range_of(rgb: np.ndarray) -> Range:
+    pixels = np.maximum(tiles(with_luminance(rgb)), 0)
+    return Range(pixels.min(-1), pixels.max(-1), TILE_PX)
+
+
+def change_of(before: np.ndarray, after: np.ndarray) -> Change:
+    difference = with_luminance(np.asarray(after, np.float64)) - with_luminance(np.asarray(before, np.float64))
+    return tiles(np.abs(difference)).max(-1)
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Pair:
+    """A frame and the same frame changed."""
+
+    before: np.ndarray
+    after: np.ndarray
+
+
+@st.composite
+def pairs(draw: st.DrawFn) -> Pair:
+    """Frames of any brightness and contrast, tiles of one colour among them, changed by little or much."""
+    random = np.random.default_rng(draw(st.integers(0, 10**6)))
+    decades, level, step = draw(st.sampled_from([0.0, 0.3, 3.0])), draw(st.floats(-5, 5)), draw(st.floats(-6, 3))
+    saturated = draw(st.booleans())
+    rgb = 10 ** (level + decades * random.standard_normal((3, SIDE_PX, SIDE_PX)))
+    if saturated:
+        rgb[random.integers(3)] *= -0.05
+    rgb[:, :TILE_PX, :TILE_PX] = rgb[:, :1, :1]
+    change = random.uniform(-1, 1, rgb.shape) * 10 ** (level + step)
+    if draw(st.booleans()):
+        change[:] = np.abs(change[:1])  # grey, upwards
+    return Pair(rgb.astype(np.float32), (rgb + change).astype(np.float32))
+
+
+def shown_frame(rgb: np.ndarray, adapted: float, target: float, settings_: Tone, display: Display) -> np.ndarray:
+    return np.asarray(tone.show(rgb[None], [adapted], [target], settings_, display))[0].astype(np.float64)
+
+
+@settings(max_examples=150, deadline=None)
+@given(pairs(), st.floats(-5, 5), st.floats(-5, 5), TONES, DISPLAYS)
+def test_nothing_is_shown_or_changed_beyond_the_bounds(
+    pair: Pair, log_adapted: float, log_target: float, tone_: Tone, display: Display
+) -> None:
+    state = (10**log_adapted, 10**log_target, tone_, display)
+    before, after = (shown_frame(rgb, *state) for rgb in (pair.before, pair.after))
+    range_, change = range_of(pair.before), change_of(pair.before, pair.after)
+
+    said = tone.shown(range_, *state)
+    pixels = tiles(with_luminance(before))
+    assert np.all(pixels >= (said.low * (1 - 1e-5) - 2e-6)[..., None])
+    assert np.all(pixels <= (said.high * (1 + 1e-5) + 2e-6)[..., None])
+    assert said.low.min() >= 0
+    assert said.high.max() <= 1 + 1e-12
+
+    passed = tone.passed_on(change, range_, *state)
+    assert np.all(change_of(before, after) <= passed * (1 + 1e-5) + 2e-6)
+
+    codes = tone.code_values(passed + 2e-6, said, display)
+    difference = np.abs(encoded(after, display) - encoded(before, display))
+    assert np.all(tiles(difference).max((0, -1)) <= codes * (1 + 1e-5))
+
+
+def encoded(linear: np.ndarray, display: Display) -> np.ndarray:
+    """Code values before rounding, by colour-science."""
+    import colour
+
+    black = tone.black_share(display)
+    share = np.clip((linear - black) / (1 - black), 0, 1)
+    if display.encoding in (Encoding.SRGB, Encoding.LINEAR):
+        return 255 * np.asarray(colour.models.eotf_inverse_sRGB(share))
+    hdr = display.encoding is Encoding.HDR10
+    wide = "ITU-R BT.2020" if hdr else "Display P3"
+    matrix = colour.matrix_RGB_to_RGB(colour.RGB_COLOURSPACES["ITU-R BT.709"], colour.RGB_COLOURSPACES[wide])
+    if hdr:
+        light = np.einsum("oi,iyx->oyx", matrix, share) * tone.seen_peak_cd_m2(display)
+        return 1023 * np.asarray(colour.models.eotf_inverse_ST2084(light))
+    return 255 * np.asarray(colour.models.eotf_inverse_sRGB(np.einsum("oi,iyx->oyx", matrix, share)))
+
+
+@pytest.mark.parametrize("operator", [Operator.ACES])
+def test_a_small_change_is_bounded_within_a_twentieth_where_a_tile_is_even(operator: Operator) -> None:
+    """Not only safe: a bound of everything would be of no use."""
+    rgb = np.full((3, SIDE_PX, SIDE_PX), 3.0, np.float32)
+    after = rgb * np.float32(1.01)
+    state = (2.0, 2.0, Tone(operator), Display())
+    actual = change_of(shown_frame(rgb, *state), shown_frame(after, *state))
+    said = tone.passed_on(change_of(rgb, after), range_of(rgb), *state)
+    assert np.all(said <= actual * 1.05)
+
+
+def test_no_change_stays_none() -> None:
+    rgb = np.random.default_rng(1).random((3, SIDE_PX, SIDE_PX)).astype(np.float32)
+    said = tone.passed_on(np.zeros((4, 3, 3)), range_of(rgb), 1.0, 1.0, Tone(), Display())
+    assert said.max() == 0
+    assert tone.code_values(said, range_of(rgb), Display()).max() == 0
