@@ -1,0 +1,36 @@
+"""What a frame may cost: predicted times, the levels that fit a budget, and levels that do not flicker.
+
+All pure: costs, errors, a budget and what was chosen before go in, choices come out. No clock is read here, so offline
+frames are the same on every machine; only a live worker feeds measured times back (`corrected`).
+
+costs.py         milliseconds of each effect's levels, corrected by what was measured
+device_costs.py  those of each device, kept in a folder
+choose.py        the levels of least error that fit a budget
+steady.py        the same from frame to frame: hysteresis and cross-fades
+"""
+
+from pipeline.budget.choose import TOLERANCE_CODE_VALUES, Option, choose, counted_error, option_at
+from pipeline.budget.costs import SHIPPED, Cost, CostModel, Timing, calibrate, corrected, fitted
+from pipeline.budget.device_costs import costs_file, device_name, load, save
+from pipeline.budget.steady import Choice, settle
+
+__all__ = [
+    "SHIPPED",
+    "TOLERANCE_CODE_VALUES",
+    "Choice",
+    "Cost",
+    "CostModel",
+    "Option",
+    "Timing",
+    "calibrate",
+    "choose",
+    "corrected",
+    "costs_file",
+    "counted_error",
+    "device_name",
+    "fitted",
+    "load",
+    "option_at",
+    "save",
+    "settle",
+]
