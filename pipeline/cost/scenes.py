@@ -4,10 +4,13 @@ from __future__ import annotations
 
 import dataclasses
 import functools
+from collections.abc import Callable, Mapping
 
 import jax.numpy as jnp
 import numpy as np
 
+from pipeline.cost import landscape, rooms
+from pipeline.cost.landscape import SUN_CD_M2, SUN_RADIUS_DEG
 from pipeline.effects import adaptation
 from pipeline.frame import Frame, View
 from pipeline.measure import Measurement, measure
@@ -17,15 +20,13 @@ from tracker_bridge.wire import Eye
 
 STREET_S = 3.0
 """When in the street's course: a car comes with dipped headlights."""
-SUN_CD_M2, SUN_RADIUS_DEG = 1.6e9, 0.266
-"""The sun's disc from the ground (Wyszecki & Stiles 1982; angle: Astronomical Almanac)."""
 SUN_DARK_CD_M2 = 1e-3
 """What the sun stands beside: a moonless night's ground."""
 LAMPS_DARK_CD_M2 = 0.01
 FINE = 16
 """Samples along a pixel of a computed disc."""
 FOV_DEG = 40.0
-"""Of the two computed frames: at 512 pixels 12 pixels per degree, as a headset has in its middle."""
+"""Of the two frames of glare alone: at 512 pixels 12 pixels per degree, as a headset has in its middle."""
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -51,10 +52,32 @@ class CostScene:
         return adaptation.exposure(self.adapted_cd_m2)
 
 
+def _street(view: View) -> Frame:
+    return NightStreet().frame(STREET_S, view, Head(), (Eye.LEFT,))
+
+
+SCENES: Mapping[str, Callable[[View], Frame]] = {
+    "starlight": lambda view: landscape.landscape(view, landscape.STARLIGHT),
+    "moonlight": lambda view: landscape.landscape(view, landscape.MOONLIGHT),
+    "candle room": rooms.candle_room,
+    "night street": _street,
+    "dusk": lambda view: landscape.landscape(view, landscape.DUSK),
+    "bright room": rooms.bright_room,
+    "sunny landscape": lambda view: landscape.landscape(view, landscape.SUNNY),
+    "sun disc": lambda view: landscape.landscape(view, landscape.SUN_DISC),
+}
+"""All effects are compared on these, dark to bright: one eye's frame at any size and field of view."""
+
+
+def scene(name: str, width_px: int, height_px: int, fov_deg: float = 104.0) -> CostScene:
+    """One of SCENES at a size."""
+    return CostScene(name, SCENES[name](View(width_px, height_px, fov_deg)))
+
+
 def night_street(shrink: int = 1) -> CostScene:
     """The embedded scene, 0.003 to 4e4 cd/m², over 104°."""
     view = View(720 // shrink, 800 // shrink)
-    return CostScene("night street", NightStreet().frame(STREET_S, view, Head(), (Eye.LEFT,)))
+    return CostScene("night street", _street(view))
 
 
 def lamps_over_dark(shrink: int = 1) -> CostScene:
