@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import functools
+from collections.abc import Sequence
 
 import jax
 import jax.numpy as jnp
@@ -13,14 +14,15 @@ from jaxtyping import Array, Float
 from numpy.typing import NDArray
 
 from pipeline.frame import LUMINANCE_WEIGHTS, Frame, View
+from pipeline.ranges import Range
 
 TILES = 128
 """Low resolution: at most 128 tiles along the longer side (LUI §5.1)."""
 HISTOGRAM_LOG10 = np.linspace(-6.0, 10.0, 65)
 """Edges of the luminance histogram, log10 cd/m²: starlight to beyond the sun, four bins a decade."""
-SHARES_BELOW_CD_M2 = (10.0, 3.0, 0.01)
-"""Upper end of mesopic vision with a margin, of mesopic vision by Ferwerda, and of scotopic vision."""
 MAX_SOURCES = 16
+SOURCE_RATIO = 30
+"""A source is this much brighter than the frame's mean. Engineering choice."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -40,29 +42,39 @@ class Measurement:
     tile_px: int
     tile_mean_cd_m2: NDArray[np.float32]
     """Mean luminance of each tile, shape (tile rows, tile columns)."""
+    range_cd_m2: Range
+    """Least and largest of each tile's pixels."""
     min_cd_m2: float
     max_cd_m2: float
     mean_cd_m2: float
     histogram: NDArray[np.int64]
     """Tiles in each bin of HISTOGRAM_LOG10; what lies outside counts in the first and the last."""
-    share_below: dict[float, float]
-    """Share of pixels darker than each of SHARES_BELOW_CD_M2."""
     sources: tuple[LightSource, ...]
-    """Brightest first, MAX_SOURCES at most: tiles whose peak is a local maximum and 30 times the mean of the image.
+    """Brightest first, MAX_SOURCES at most: tiles whose peak is a local maximum and SOURCE_RATIO times the mean of the
+    image.
 
     Neighbouring tiles of the same peak are one light.
     """
+
+    def share_below(self, luminance_cd_m2: float) -> float:
+        """Share of the image's tiles whose mean is darker."""
+        return float((self.tile_mean_cd_m2 < luminance_cd_m2).mean())
 
 
 def measure(frame: Frame) -> tuple[Measurement, ...]:
     """A measurement of each eye's image."""
     height, width = frame.rgb_cd_m2.shape[2:]
     tile_px = -(-max(height, width) // TILES)
-    per_eye = jax.device_get(_reduce(frame.rgb_cd_m2, tile_px))
+    low, high, total = (np.asarray(quantity) for quantity in _reduce(frame.rgb_cd_m2, tile_px))
     return tuple(
-        _interpret(frame.view, tile_px, *(np.asarray(quantity[eye]) for quantity in per_eye))
-        for eye in range(frame.rgb_cd_m2.shape[0])
+        _interpret(frame.view, tile_px, low[eye], high[eye], total[eye]) for eye in range(frame.rgb_cd_m2.shape[0])
     )
+
+
+def bright_pixels(frame: Frame, measured: Sequence[Measurement]) -> tuple[int, ...]:
+    """How many pixels of each eye's image are sources: SOURCE_RATIO times brighter than its mean."""
+    limits = np.array([SOURCE_RATIO * eye.mean_cd_m2 for eye in measured], np.float32)
+    return tuple(int(count) for count in _count(frame.rgb_cd_m2, limits))
 
 
 def luminance(rgb: Float[Array, "*eye 3 y x"]) -> Float[Array, "*eye y x"]:
@@ -71,53 +83,74 @@ def luminance(rgb: Float[Array, "*eye 3 y x"]) -> Float[Array, "*eye y x"]:
     return red * rgb[..., 0, :, :] + green * rgb[..., 1, :, :] + blue * rgb[..., 2, :, :]
 
 
+@jax.jit
+def _count(rgb: Float[Array, "eye 3 y x"], above: Float[Array, "eye"]) -> Float[Array, "eye"]:
+    return (luminance(rgb) > above[:, None, None]).sum((1, 2))
+
+
 @functools.partial(jax.jit, static_argnames="tile_px")
-def _reduce(rgb: Float[Array, "eye 3 y x"], tile_px: int) -> tuple[Array, ...]:
+def _reduce(
+    rgb: Float[Array, "eye 3 y x"], tile_px: int
+) -> tuple[Float[Array, "eye 4 row column"], Float[Array, "eye 4 row column"], Float[Array, "eye row column"]]:
+    """Least and largest of red, green, blue and luminance, and the sum of luminance, of each tile."""
     y = luminance(rgb)
-    rows, columns = -(-y.shape[1] // tile_px), -(-y.shape[2] // tile_px)
-    pad = ((0, 0), (0, rows * tile_px - y.shape[1]), (0, columns * tile_px - y.shape[2]))
+    low, high = _by_tile((rgb, rgb), (jnp.minimum, jnp.maximum), tile_px)
+    low_y, high_y, total = _by_tile((y, y, y), (jnp.minimum, jnp.maximum, jnp.add), tile_px)
+    return jnp.concatenate([low, low_y[:, None]], 1), jnp.concatenate([high, high_y[:, None]], 1), total
 
-    def tiles(values: Array, fill: float) -> Float[Array, "eye row tile column tile"]:
-        padded = jnp.pad(values, pad, constant_values=np.float32(fill))
-        return padded.reshape(-1, rows, tile_px, columns, tile_px)
 
-    covered = tiles(jnp.ones_like(y), 0.0).sum((2, 4))
-    tile_mean = tiles(y, 0.0).sum((2, 4)) / covered
-    tile_max = tiles(y, 0.0).max((2, 4))
-    below = jnp.stack([(y < np.float32(limit)).mean((1, 2)) for limit in SHARES_BELOW_CD_M2], 1)
-    mean = (tile_mean * covered).sum((1, 2)) / (y.shape[1] * y.shape[2])
-    return tile_mean, tile_max, y.min((1, 2)), y.max((1, 2)), mean, below
+def _by_tile(images: tuple[Array, ...], folds: tuple[jnp.ufunc, ...], tile_px: int) -> tuple[Array, ...]:
+    """Several folds of images of one shape in one pass: rows first, which XLA vectorises, and with no padded copy."""
+    for axis in (images[0].ndim - 2, images[0].ndim - 1):
+        images = _along(images, folds, tile_px, axis)
+    return images
+
+
+def _along(images: tuple[Array, ...], folds: tuple[jnp.ufunc, ...], tile_px: int, axis: int) -> tuple[Array, ...]:
+    starts = tuple(np.float32({jnp.minimum: np.inf, jnp.maximum: -np.inf, jnp.add: 0.0}[fold]) for fold in folds)
+
+    def fold_all(ours: tuple[Array, ...], theirs: tuple[Array, ...]) -> tuple[Array, ...]:
+        return tuple(fold(one, other) for fold, one, other in zip(folds, ours, theirs, strict=True))
+
+    size = images[0].shape[axis]
+    whole = size - size % tile_px
+    parts = []
+    for begin, end in ((0, whole), (whole, size)):
+        if begin < end:
+            sliced = [jax.lax.slice_in_dim(image, begin, end, axis=axis) for image in images]
+            side = min(tile_px, end - begin)
+            tiles = [part.reshape(*part.shape[:axis], -1, side, *part.shape[axis + 1 :]) for part in sliced]
+            parts.append(jax.lax.reduce(tuple(tiles), starts, fold_all, (axis + 1,)))
+    return tuple(jnp.concatenate(part, axis) for part in zip(*parts, strict=True))
 
 
 def _interpret(
-    view: View,
-    tile_px: int,
-    tile_mean: NDArray[np.float32],
-    tile_max: NDArray[np.float32],
-    darkest: NDArray[np.float32],
-    brightest: NDArray[np.float32],
-    mean: NDArray[np.float32],
-    below: NDArray[np.float32],
+    view: View, tile_px: int, low: NDArray[np.float32], high: NDArray[np.float32], total: NDArray[np.float32]
 ) -> Measurement:
+    rows, columns = (
+        np.minimum(tile_px, size - tile_px * np.arange(-(-size // tile_px))) for size in (view.height_px, view.width_px)
+    )
+    tile_mean = total / (rows[:, None] * columns).astype(np.float32)
+    mean = float(total.sum(dtype=np.float64)) / (view.height_px * view.width_px)
     with np.errstate(divide="ignore"):
         log = np.clip(np.log10(tile_mean), HISTOGRAM_LOG10[0], HISTOGRAM_LOG10[-1])
     return Measurement(
         view=view,
         tile_px=tile_px,
         tile_mean_cd_m2=tile_mean,
-        min_cd_m2=float(darkest),
-        max_cd_m2=float(brightest),
-        mean_cd_m2=float(mean),
+        range_cd_m2=Range(low.astype(np.float64), high.astype(np.float64), tile_px),
+        min_cd_m2=float(low[3].min()),
+        max_cd_m2=float(high[3].max()),
+        mean_cd_m2=mean,
         histogram=np.histogram(log, HISTOGRAM_LOG10)[0],
-        share_below=dict(zip(SHARES_BELOW_CD_M2, below.tolist(), strict=True)),
-        sources=_sources(tile_max, float(mean), tile_px),
+        sources=_sources(high[3], mean, tile_px),
     )
 
 
 def _sources(tile_max: NDArray[np.float32], mean_cd_m2: float, tile_px: int) -> tuple[LightSource, ...]:
     bordered = np.pad(tile_max, 1, constant_values=-1)
     neighbours = np.lib.stride_tricks.sliding_window_view(bordered, (3, 3)).max((2, 3))
-    lights, _ = scipy.ndimage.label((tile_max >= neighbours) & (tile_max > 30 * mean_cd_m2), np.ones((3, 3)))
+    lights, _ = scipy.ndimage.label((tile_max >= neighbours) & (tile_max > SOURCE_RATIO * mean_cd_m2), np.ones((3, 3)))
     labels, first = np.unique(lights, return_index=True)
     rows, columns = np.unravel_index(first[labels > 0], lights.shape)
     brightest = np.argsort(-tile_max[rows, columns], kind="stable")[:MAX_SOURCES]

@@ -118,7 +118,7 @@ def _plan_acuity(measured: Sequence[Measurement], scattering: Sequence[Scatterin
     return Step(
         Effect.ACUITY,
         "lightness",
-        f"darkest pixel {darkest:.3g} cd/m², {_percent(measured, 0.01)} of pixels below 0.01 cd/m²",
+        f"darkest pixel {darkest:.3g} cd/m², {_percent(measured, 0.01)} of it below 0.01 cd/m²",
     )
 
 
@@ -141,4 +141,4 @@ def _list(values: Sequence[float]) -> str:
 
 
 def _percent(measured: Sequence[Measurement], limit: float) -> str:
-    return f"{max(eye.share_below[limit] for eye in measured):.0%}"
+    return f"{max(eye.share_below(limit) for eye in measured):.0%}"

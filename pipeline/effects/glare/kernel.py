@@ -67,6 +67,7 @@ class Component:
     """Light that the veil takes. The sum of all three over pixels is the identity."""
     transforms: dict[tuple[object, ...], Array] = dataclasses.field(default_factory=dict, repr=False)
     """Of `scatters`, as they were asked for last: they go when the component goes."""
+    _rings: dict[tuple[int, ...], NDArray[np.float64]] = dataclasses.field(default_factory=dict, repr=False)
 
     @functools.cached_property
     def keeps(self) -> NDArray[np.float64]:
@@ -91,6 +92,33 @@ class Component:
         # A pixel gets at most the brightest luminance from all others, each time in the colour that scatters most.
         gets = float(scatters.max(axis=0).sum() - middle.max()) + self.veil_share
         return Scattering(max(1 - least, gets), least)
+
+    def rings(self, edges_px: tuple[int, ...]) -> NDArray[np.float64]:
+        """What is scattered further than one edge and no further than the next, along either axis: (ring, 4, 3).
+
+        To red, green, blue and luminance from a unit of each channel, all counted as positive.
+        """
+        if edges_px not in self._rings:
+            to, away_px = self._strewn
+            ring = np.searchsorted(edges_px, away_px.max(axis=0))
+            self._rings[edges_px] = np.stack([to[:, :, ring == k].sum(axis=-1) for k in range(len(edges_px))])
+        return self._rings[edges_px]
+
+    @functools.cached_property
+    def moment_px(self) -> NDArray[np.float64]:
+        """The same, each share times how far it goes: (4, 3)."""
+        to, away_px = self._strewn
+        return np.asarray((to * np.hypot(*away_px)).sum(axis=(2, 3)))
+
+    @property
+    def _strewn(self) -> tuple[NDArray[np.float64], NDArray[np.intp]]:
+        """Magnitudes (4, 3, j, k), and how far down and right each goes. What lands where it comes from is 0."""
+        scatters = np.asarray(self.scatters, np.float64)
+        if len(scatters) == 1:
+            scatters = np.eye(3)[:, :, None, None] * scatters
+        to = np.concatenate([scatters, np.einsum("o,oijk->ijk", np.array(LUMINANCE_WEIGHTS), scatters)[None]])
+        away_px = np.abs(np.indices(to.shape[2:]) - np.array(to.shape[2:])[:, None, None] // 2)
+        return np.abs(to) * (away_px.max(axis=0) > 0), away_px
 
 
 Mixture = tuple[tuple[Component, float], ...]

@@ -14,10 +14,8 @@ from numpy.typing import NDArray
 
 from pipeline.effects.glare import convolve, stamp
 from pipeline.effects.glare.kernel import Mixture
-from pipeline.measure import Measurement
+from pipeline.measure import SOURCE_RATIO, Measurement
 
-SOURCE_RATIO = 30
-"""A source is this much brighter than the frame's mean (as in measure.py). Engineering choice."""
 MOST_SOURCES = 128
 """Pixels taken at most. Engineering choice: more take longer than the window's FFT."""
 

@@ -1,0 +1,165 @@
+"""How much glare can change each tile of a frame, from the tiles' ranges alone.
+
+A pixel gives away a share of its own light and gets the same shares of the light around it, so it changes by no more
+than the sum, over rings around it, of what the kernel scatters there times how far the light there can differ from its
+own. A plain wall hardly changes; a wall beside a lamp does. Beyond the frame's edge it is dark.
+"""
+
+from __future__ import annotations
+
+import functools
+import math
+
+import numpy as np
+import scipy.ndimage
+from numpy.typing import NDArray
+
+from pipeline.effects.glare.kernel import Mixture, Veil
+from pipeline.effects.glare.settings import GlareLevel
+from pipeline.effects.glare.veil import amounts
+from pipeline.effects.glare.window import ROUNDING, falloff, window_of
+from pipeline.frame import View
+from pipeline.measure import SOURCE_RATIO, Measurement
+from pipeline.optics import radial
+from pipeline.ranges import Change, Range
+
+COARSE = 64
+"""Rings are taken over at most this many tiles along a side. Engineering choice: 2 ms instead of 10."""
+VEIL_MARGIN = 0.05
+"""Of what a veil brings: its tiles are up to 2 % off at 9–10° (docs/optics.md), and the share that comes from within
+the frame is summed coarsely here."""
+FIELD = 48
+"""The field is summed in so many parts along each axis, and a veil looked at in a quarter as many places."""
+STEEPEST = 3.0
+"""The falloff's steepest slope, per reach."""
+
+
+def skipped(
+    kernel: Mixture,
+    measured: Measurement,
+    gaze_px: tuple[float, float],
+    asked: GlareLevel,
+    ceiling_cd_m2: float | None = None,
+) -> Change:
+    """The most that glare at the level asked for changes: what leaving it out may hide, in cd/m²."""
+    return lesser(kernel, measured, gaze_px, asked, ceiling_cd_m2) + _veil(kernel, measured, ceiling_cd_m2)
+
+
+def lesser(
+    kernel: Mixture,
+    measured: Measurement,
+    gaze_px: tuple[float, float],
+    asked: GlareLevel,
+    ceiling_cd_m2: float | None = None,
+) -> Change:
+    """The most that the veil alone differs from the level asked for, in cd/m²."""
+    range_ = measured.range_cd_m2
+    if asked is GlareLevel.VEIL:
+        return np.zeros_like(range_.low)
+    low, high = range_.low[:3], range_.high[:3]
+    if ceiling_cd_m2 is not None or asked is GlareLevel.SOURCES:
+        above = max(ceiling_cd_m2 or 0.0, SOURCE_RATIO * measured.mean_cd_m2 if asked is GlareLevel.SOURCES else 0.0)
+        low, high = np.zeros_like(low), np.where(range_.high[3] > above, high, 0)
+    pool = max(1, -(-max(low.shape[1:]) // COARSE))
+    tile_px, shape = range_.tile_px * pool, low.shape[1:]
+    low, high = _pooled(low, pool, np.minimum), _pooled(high, pool, np.maximum)
+    change, ring_low, ring_high, reach = np.zeros((4, *low.shape[1:])), low.copy(), high, 0
+    # A tile that the frame's edge cuts is dark beyond it.
+    if measured.view.height_px % tile_px:
+        ring_low[:, -1] = 0
+    if measured.view.width_px % tile_px:
+        ring_low[:, :, -1] = 0
+    for tiles, scattered in _rings(kernel, tile_px):
+        grown = (1, *(2 * (tiles - reach) + 1,) * 2)
+        ring_low = scipy.ndimage.minimum_filter(ring_low, grown, mode="constant")
+        ring_high = scipy.ndimage.maximum_filter(ring_high, grown, mode="constant")
+        reach = tiles
+        change += np.einsum("oi,iyx->oyx", scattered, np.maximum(ring_high - low, high - ring_low))
+    if asked is GlareLevel.WINDOW:
+        change = _in_window(change, high, kernel, measured.view, gaze_px, tile_px)
+    if asked in (GlareLevel.WINDOW, GlareLevel.FRAME):
+        change += ROUNDING * range_.high.max()
+    return change.repeat(pool, 1).repeat(pool, 2)[:, : shape[0], : shape[1]]
+
+
+def after(measured: Measurement, change: Change, stays: float) -> Range:
+    """What may stand in each tile once glare has run: of luminance at least what stays in its pixel."""
+    range_ = measured.range_cd_m2
+    wide = range_.widened(change)
+    wide.low[3] = np.maximum(wide.low[3], stays * range_.low[3])
+    return wide
+
+
+def _veil(kernel: Mixture, measured: Measurement, ceiling_cd_m2: float | None) -> Change:
+    """Each pixel gives its veil's share away and gets what lies between the darkest and the brightest frame's."""
+    low, high = measured.range_cd_m2.low, measured.range_cd_m2.high
+    if ceiling_cd_m2 is not None:
+        low, high = np.zeros_like(low), np.where(high[3] > ceiling_cd_m2, high, 0)
+    brightest, darkest = high.max(axis=(1, 2), keepdims=True), low.min(axis=(1, 2), keepdims=True)
+    change = np.zeros_like(low)
+    for veil, share in amounts(kernel).items():
+        within = _within(measured.view, veil, low.shape[1], low.shape[2])
+        gains = np.minimum(within * (1 + VEIL_MARGIN), 1) * brightest - low
+        change += share * np.maximum(gains, high - within * (1 - VEIL_MARGIN) * darkest).clip(0)
+    return change
+
+
+@functools.lru_cache(maxsize=16)
+def _within(view: View, veil: Veil, rows: int, columns: int) -> NDArray[np.float64]:
+    """The share of a veil's light that comes from within the frame, at each tile."""
+
+    def directions(at: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        v, u = np.meshgrid(at * view.height_px / view.focal_px, at * view.width_px / view.focal_px, indexing="ij")
+        away = np.sqrt(1 + u * u + v * v).reshape(-1, 1)
+        return np.stack([u, v, np.ones_like(u)], -1).reshape(-1, 3) / away, away[:, 0] ** -3
+
+    at = np.linspace(-0.5, 0.5, FIELD // 4)
+    places, _ = directions(at)
+    parts, solid_angles = directions((np.arange(FIELD) + 0.5) / FIELD - 0.5)
+    deg = np.degrees(np.arccos(np.clip(places @ parts.T, -1, 1)))
+    weights = solid_angles * (view.width_px / view.focal_px) * (view.height_px / view.focal_px) / FIELD**2
+    seen = (veil.density(deg) @ weights / radial.hemisphere_volume(veil.density)).reshape(len(at), len(at))
+    down, right = (
+        np.stack([np.interp((np.arange(count) + 0.5) / count - 0.5, at, unit) for unit in np.eye(len(at))], 1)
+        for count in (rows, columns)
+    )
+    return np.asarray(down @ seen @ right.T)
+
+
+def _in_window(
+    change: Change,
+    high: NDArray[np.float64],
+    kernel: Mixture,
+    view: View,
+    gaze_px: tuple[float, float],
+    tile_px: int,
+) -> Change:
+    """The same where light is weighed by a window's falloff w: w(q)·L(q) − w(p)·L(p), of a pixel p and those around it,
+    is w(q)·(L(q) − L(p)), and L(p)·(w(q) − w(p)), which is no more than the falloff's slope times their distance.
+    """
+    radius_px = kernel[0][0].scatters.shape[2] // 2
+    reach_px = window_of(view, radius_px).reach_px
+    nearest = []
+    for count, gaze, size in zip(change.shape[1:], gaze_px[::-1], (view.height_px, view.width_px), strict=True):
+        begin, end = np.arange(count) * tile_px - gaze, np.minimum(np.arange(1, count + 1) * tile_px, size) - gaze
+        nearest.append(np.maximum(np.maximum(begin, -end), 0))
+    away_px = np.hypot(nearest[0][:, None], nearest[1])
+    most = falloff(np.maximum(away_px - math.sqrt(2) * radius_px, 0) / reach_px)
+    moment_px = sum(weight * component.moment_px for component, weight in kernel)
+    sloping = STEEPEST / reach_px * np.einsum("oi,iyx->oyx", moment_px, high)
+    return np.asarray(most * change + np.where(most > 0, sloping, 0))
+
+
+def _rings(kernel: Mixture, tile_px: int) -> list[tuple[int, NDArray[np.float64]]]:
+    """Of each ring: how many tiles it reaches, and what is scattered into it, (4, 3): to red, green, blue and Y."""
+    radius_px = kernel[0][0].scatters.shape[2] // 2
+    reaches = [2**k for k in range(max(1, math.ceil(math.log2(max(radius_px / tile_px, 1))) + 1))]
+    edges = tuple(tiles * tile_px for tiles in reaches)
+    masses = sum(weight * component.rings(edges) for component, weight in kernel)
+    return [(tiles, masses[k]) for k, tiles in enumerate(reaches)]
+
+
+def _pooled(values: NDArray[np.float64], pool: int, fold: np.ufunc) -> NDArray[np.float64]:
+    for axis in (1, 2):
+        values = fold.reduceat(values, range(0, values.shape[axis], pool), axis=axis)
+    return values
