@@ -10,9 +10,9 @@ from pipeline.measure import Measurement
 
 FLOOR_CD_M2 = 1e-6
 """Starlight: what an eye is adapted to in front of a black frame; KRI 4.15's ε."""
-LIMIT = 100.0
-"""Times the geometric mean from which on a tile counts by its logarithm, if robust. Engineering choice: a person's
-whole view by day or in a lit room spans less, so nothing changes there; docs/adaptation.md has what 10 and 1000 do."""
+LIMIT = 30.0
+"""Times the geometric mean from which on a tile counts by its logarithm, if robust. Engineering choice, and the ratio
+from which on a measurement calls a tile a light: docs/adaptation.md has what 10, 100 and 1000 do."""
 
 Tiles = NDArray[np.float64]
 """(tile rows, tile columns)"""
