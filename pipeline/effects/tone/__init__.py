@@ -2,13 +2,17 @@
 
 settings.py  which operator, and what becomes of colours beyond the display's
 show.py      the one entry: a frame in cd/m² as the display shows it
-filmic.py    the ACES curve
+filmic.py  reinhard.py  ward.py  durand.py  own_curve.py   the operators: what they make of an eye's adaptation, of a
+             pixel, and of an interval
+hue.py       colours beyond the display's
 seen.py      what a person sees of a display: black, peak, reflected light
-bounds.py    what tone mapping makes of a range of values and of a change, in code values in the end
+bounds.py    what tone mapping makes of a range of values and of a change
+code_values.py  what that is in code values
 encoding.py  sRGB code values
 """
 
-from pipeline.effects.tone.bounds import code_values, passed_on, shown
+from pipeline.effects.tone.bounds import passed_on, shown
+from pipeline.effects.tone.code_values import code_values
 from pipeline.effects.tone.encoding import encode
 from pipeline.effects.tone.filmic import (
     MIDDLE_GREY,
@@ -19,7 +23,7 @@ from pipeline.effects.tone.filmic import (
 )
 from pipeline.effects.tone.seen import black_share, reflected_cd_m2, seen_peak_cd_m2, viewer_cd_m2
 from pipeline.effects.tone.settings import Hue, Operator, Tone
-from pipeline.effects.tone.show import show
+from pipeline.effects.tone.show import full_cd_m2, show
 
 __all__ = [
     "MIDDLE_GREY",
@@ -33,6 +37,7 @@ __all__ = [
     "code_values",
     "display_scale",
     "encode",
+    "full_cd_m2",
     "passed_on",
     "reflected_cd_m2",
     "seen_peak_cd_m2",

@@ -2,99 +2,103 @@
 
 from __future__ import annotations
 
-import functools
-from collections.abc import Callable
-
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.effects.adaptation import exposure
-from pipeline.effects.tone import filmic
-from pipeline.effects.tone.seen import black_share, seen_peak_cd_m2
-from pipeline.effects.tone.settings import Tone
-from pipeline.frame import LUMINANCE_WEIGHTS, Display, Encoding
+from pipeline.effects.tone import durand, filmic, own_curve, reinhard
+from pipeline.effects.tone.hue import WEIGHTS, change_within, range_within
+from pipeline.effects.tone.settings import Hue, Operator, Tone
+from pipeline.effects.tone.show import coefficients
+from pipeline.frame import Display
 from pipeline.ranges import Change, Range
 
-WEIGHTS = np.array(LUMINANCE_WEIGHTS)
+Tiles = NDArray[np.float64]
 
 
 def shown(range_: Range, adapted_cd_m2: float, target_cd_m2: float, settings: Tone, display: Display) -> Range:
     """What may stand on the display where this stands in the scene (cd/m²)."""
-    scale = exposure(adapted_cd_m2) * filmic.display_scale_of(seen_peak_cd_m2(display))
-    return Range(
-        _with_luminance(_filmic(range_.low[:3] * scale)),
-        _with_luminance(_filmic(range_.high[:3] * scale)),
-        range_.tile_px,
-    )
+    numbers = coefficients(adapted_cd_m2, target_cd_m2, settings, display)
+    if _each_component(settings):
+        scale = numbers[0]
+        low, high = _filmic(range_.low[:3] * scale), _filmic(range_.high[:3] * scale)
+    else:
+        low, high = range_within(*_mapped(range_, settings, numbers), settings.hue)
+    return Range(_with_luminance(low), _with_luminance(high), range_.tile_px)
 
 
 def passed_on(
     change: Change, range_: Range, adapted_cd_m2: float, target_cd_m2: float, settings: Tone, display: Display
 ) -> Change:
     """How much the display may change where the scene changes by `change` cd/m², both within `range_` widened by it."""
-    scale = exposure(adapted_cd_m2) * filmic.display_scale_of(seen_peak_cd_m2(display))
-    step = np.minimum(change[:3] * scale, filmic.FLAT)
-    low = np.maximum(range_.low[:3] * scale - step, 0)
-    high = range_.high[:3] * scale + step
-    bound = step * filmic.steepest(low, high)
-    # No two values of the range lie further apart than its ends; and from the foot on, steps shrink upwards.
-    np.minimum(bound, _filmic(high) - _filmic(low), out=bound)
-    np.minimum(bound, filmic.concave(low + step) - filmic.concave(low), out=bound)
-    return _with_luminance(bound)
+    numbers = coefficients(adapted_cd_m2, target_cd_m2, settings, display)
+    if _each_component(settings):
+        step = change[:3] * numbers[0]
+        low = np.maximum(range_.low[:3] * numbers[0] - step, 0)
+        high = range_.high[:3] * numbers[0] + step
+        return _with_luminance(np.minimum(step * filmic.steepest(low, high), 1))
+    range_ = range_.widened(change)
+    step = _mapped_change(change, range_, settings, numbers)
+    return _with_luminance(change_within(step, *_mapped(range_, settings, numbers), settings.hue))
 
 
-def code_values(change: Change, shown_: Range, display: Display) -> NDArray[np.float64]:
-    """By how many of the display's code values a pixel of each tile changes at most, in its worst component.
-
-    Before rounding; (rows, columns). A transfer function is concave: a change shows most at the low end of the range.
-    Of 255 for 8 bits, of 1023 for HDR10; for a linear output, which has no code values, of 255 as sRGB.
-    """
-    primaries, transfer, codes = _encoding_of(display)
-    step = np.einsum("oi,iyx->oyx", primaries, change[:3])
-    low = np.einsum("oi,iyx->oyx", primaries, shown_.low[:3]) - step
-    black = black_share(display)
-    step, low = step / (1 - black), np.clip((low - black) / (1 - black), 0, 1)
-    return np.asarray(codes * (transfer(np.minimum(low + step, 1)) - transfer(low)).max(0))
+def _each_component(settings: Tone) -> bool:
+    return settings.operator is Operator.ACES and settings.hue is Hue.CLIP
 
 
-def _srgb(u: NDArray[np.float64]) -> NDArray[np.float64]:
-    return np.where(u <= 0.0031308, 12.92 * u, 1.055 * np.maximum(u, 0.0031308) ** (1 / 2.4) - 0.055)
-
-
-def _pq(peak_cd_m2: float, u: NDArray[np.float64]) -> NDArray[np.float64]:
-    """SMPTE ST 2084 of a share of the peak."""
-    power = (u * (peak_cd_m2 / 1e4)) ** (2610 / 16384)
-    return np.asarray(((3424 + 2413 * 32 * power) / (4096 + 2392 * 32 * power)) ** (2523 / 32))
-
-
-def _encoding_of(
-    display: Display,
-) -> tuple[NDArray[np.float64], Callable[[NDArray[np.float64]], NDArray[np.float64]], int]:
-    """From Rec.709 to the display's primaries, its transfer function, and its largest code value."""
-    match display.encoding:
-        case Encoding.DISPLAY_P3:
-            return _primaries("Display P3"), _srgb, 255
-        case Encoding.HDR10:
-            return _primaries("ITU-R BT.2020"), functools.partial(_pq, seen_peak_cd_m2(display)), 1023
-        case Encoding.SRGB | Encoding.LINEAR:
-            return np.eye(3), _srgb, 255
-
-
-@functools.cache
-def _primaries(name: str) -> NDArray[np.float64]:
-    """From linear Rec.709 to linear light of a wider colour space; no entry is below 0."""
-    # Imported here: colour-science takes seconds, and few displays need it.
-    from colour import RGB_COLOURSPACES, matrix_RGB_to_RGB
-
-    matrix = matrix_RGB_to_RGB(RGB_COLOURSPACES["ITU-R BT.709"], RGB_COLOURSPACES[name])
-    # Entries that are 0 but for the rounding of published primaries.
-    return np.maximum(np.asarray(matrix, np.float64), 0)
-
-
-def _filmic(x: NDArray[np.float64]) -> NDArray[np.float64]:
+def _filmic(x: Tiles) -> Tiles:
     return np.minimum(filmic.curve(np.minimum(x, filmic.FLAT)), 1)
 
 
-def _with_luminance(rgb: NDArray[np.float64]) -> NDArray[np.float64]:
+def _mapped(range_: Range, settings: Tone, numbers: tuple[float, ...]) -> tuple[Tiles, Tiles]:
+    """Least and largest components between the operator and what brings them within the display's."""
+    if settings.operator is Operator.WARD:
+        gain, offset = numbers
+        return range_.low[:3] * gain + offset, range_.high[:3] * gain + offset
+    y_low, y_high = _luminances(range_)
+    least, most, _ = _gains(range_, y_low, y_high, settings, numbers)
+    return range_.low[:3] * least, range_.high[:3] * most
+
+
+def _mapped_change(change: Change, range_: Range, settings: Tone, numbers: tuple[float, ...]) -> Tiles:
+    """How much components change between the two: |c'·g' − c·g| ≤ |c' − c|·g' + c·|g' − g|."""
+    if settings.operator is Operator.WARD:
+        return change[:3] * numbers[0]
+    y_low, y_high = _luminances(range_)
+    least, most, slope = _gains(range_, y_low, y_high, settings, numbers)
+    y_change = np.tensordot(WEIGHTS, change[:3], 1)
+    # Where a component may be clipped at 0, luminance changes otherwise than it did before.
+    y_change = np.where(range_.low[:3].min(0) > 0, np.minimum(y_change, change[3]), y_change)
+    turned = range_.high[:3] * (slope * y_change)
+    if settings.operator is Operator.DURAND:
+        _, rods = numbers
+        share = rods * durand.SEMISATURATION_CD_M2 / (durand.SEMISATURATION_CD_M2 + y_low)
+        turned += share * durand.ratio_change(change[:3])
+    return change[:3] * most + np.minimum(turned, range_.high[:3] * (most - least))
+
+
+def _gains(
+    range_: Range, y_low: Tiles, y_high: Tiles, settings: Tone, numbers: tuple[float, ...]
+) -> tuple[Tiles, Tiles, Tiles]:
+    """The least and the largest L_d/L of a tile, and its largest slope over luminance."""
+    match settings.operator:
+        case Operator.REINHARD:
+            return *reinhard.gains(y_low, y_high, *numbers), reinhard.steepest(y_low, *numbers)
+        case Operator.DURAND:
+            return durand.gains(range_, y_low, y_high, *numbers)
+        case Operator.CURVE:
+            return own_curve.gains(own_curve.read_curve(settings.curve), y_low, y_high, *numbers)
+        case _:
+            return *filmic.gains(y_low, y_high, *numbers), filmic.gain_slope(y_low, y_high, *numbers)
+
+
+def _luminances(range_: Range) -> tuple[Tiles, Tiles]:
+    """Least and largest luminance of a tile once components below 0 are clipped: that can only raise it."""
+    low, high = np.tensordot(WEIGHTS, range_.low[:3], 1), np.tensordot(WEIGHTS, range_.high[:3], 1)
+    # A range's 0 may stand for less than 0.
+    whole = range_.low[:3].min(0) > 0
+    return np.maximum(low, range_.low[3]), np.where(whole, np.minimum(high, range_.high[3]), high)
+
+
+def _with_luminance(rgb: Tiles) -> Tiles:
     """Three components and the luminance they make together."""
-    return np.concatenate([rgb, np.einsum("c,cyx->yx", WEIGHTS, rgb)[None]])
+    return np.concatenate([rgb, np.tensordot(WEIGHTS, rgb, 1)[None]])

@@ -18,6 +18,8 @@ MIDDLE_GREY = 0.18
 """What a brighter display shows at the same luminance as the reference, 1 being reference white (Reinhard 2002)."""
 FLAT = 1e4
 """Exposed values end here: the curve is flat, and its square would overflow for a sun."""
+FULL = (0.56 + math.sqrt(0.56**2 + 4 * 0.08 * 0.14)) / (2 * 0.08)
+"""Where the curve reaches 1: x·(2.51·x + 0.03) = x·(2.43·x + 0.59) + 0.14."""
 
 Values = TypeVar("Values", Array, NDArray[np.float64])
 
@@ -65,10 +67,47 @@ def steepest(low: NDArray[np.float64], high: NDArray[np.float64]) -> NDArray[np.
     return slope(np.clip(INFLECTION, low, high))
 
 
-def concave(x: NDArray[np.float64]) -> NDArray[np.float64]:
-    """The curve with its foot drawn out straight at its largest slope: it rises nowhere less than the curve does."""
-    foot = slope(np.float64(INFLECTION)) * (x - INFLECTION) + curve(np.float64(INFLECTION))
-    return np.where(x < INFLECTION, foot, np.minimum(curve(np.minimum(x, FLAT)), 1))
+def gain(y: Float[Array, "eye y x"], scale: Float[Array, "eye 1 1"]) -> Float[Array, "eye y x"]:
+    """The curve of luminance over luminance, for hues that are kept: L_d/L, finite at 0."""
+    x = y * scale
+    # Beyond FULL the curve's share is 1. At FLAT squares are still far from overflow.
+    flat = jnp.minimum(x, np.float32(FLAT))
+    return scale * jnp.where(x < np.float32(FULL), _per_x(flat), 1 / jnp.maximum(x, np.float32(1)))
+
+
+def _per_x(x: Values) -> Values:
+    """The curve over its argument."""
+    return (2.51 * x + 0.03) / (x * (2.43 * x + 0.59) + 0.14)
+
+
+def gains(
+    low: NDArray[np.float64], high: NDArray[np.float64], scale: float
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """The least and the largest gain between two luminances: it rises to a crest and falls from there."""
+    low, high = low * scale, high * scale
+    ends = _gain_at(low), _gain_at(high)
+    return scale * np.minimum(*ends), scale * _gain_at(np.clip(_CREST, low, high))
+
+
+def gain_slope(low: NDArray[np.float64], high: NDArray[np.float64], scale: float) -> NDArray[np.float64]:
+    """The largest slope of the gain between two luminances, up or down: at an end or where the slope turns."""
+    low, high = low * scale, high * scale
+    beyond = np.where(high > FULL, 1 / np.maximum(low, FULL) ** 2, 0)
+    low, high = np.minimum(low, FULL), np.minimum(high, FULL)
+    below = [np.abs(_per_x_slope(at)) for at in (low, high, np.clip(_TURN, low, high))]
+    return np.asarray(scale * scale * np.maximum(beyond, np.maximum.reduce(below)))
+
+
+def _gain_at(x: NDArray[np.float64]) -> NDArray[np.float64]:
+    return np.where(x < FULL, _per_x(np.minimum(x, FULL)), 1 / np.maximum(x, FULL))
+
+
+def _per_x_slope(x: NDArray[np.float64]) -> NDArray[np.float64]:
+    return (0.3337 - x * (6.0993 * x + 0.1458)) / (x * (2.43 * x + 0.59) + 0.14) ** 2
+
+
+_CREST, _TURN = 0.22225723, 0.42618832
+"""Where the curve over its argument is largest, and where it falls fastest; tests find both by search."""
 
 
 @jax.jit
@@ -80,10 +119,6 @@ def aces(rgb: Float[Array, "eye 3 y x"], exposure: Float[Array, "eye"], peak_cd_
     scale = (exposure * display_scale(peak_cd_m2)).astype(jnp.float32)
     # Spectral colours of glare lie outside the display's, below 0.
     return jnp.minimum(curve(jnp.clip(rgb * scale[:, None, None, None], 0, np.float32(FLAT))), 1)
-
-
-FULL = (0.56 + math.sqrt(0.56**2 + 4 * 0.08 * 0.14)) / (2 * 0.08)
-"""Where the curve reaches 1: x·(2.51·x + 0.03) = x·(2.43·x + 0.59) + 0.14."""
 
 
 def ceiling_cd_m2(exposure: float, peak_cd_m2: float) -> float:

@@ -2,16 +2,24 @@
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Sequence
 
+import jax
+import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
 from pipeline.effects.adaptation import exposure
-from pipeline.effects.tone import filmic
+from pipeline.effects.tone import durand, filmic, own_curve, reinhard, ward
+from pipeline.effects.tone.hue import within
 from pipeline.effects.tone.seen import seen_peak_cd_m2
-from pipeline.effects.tone.settings import Tone
+from pipeline.effects.tone.settings import Hue, Operator, Tone
 from pipeline.frame import Display
+from pipeline.measure import luminance
+
+_BRIGHTEST = 1e15
+"""cd/m². A million suns: products of what is brighter would overflow."""
 
 
 def show(
@@ -23,7 +31,79 @@ def show(
 ) -> Float[Array, "eye 3 y x"]:
     """A frame in cd/m² as the display shows it, linear Rec.709 in [0, 1], 1 = the display's peak (seen.py).
 
-    `adapted_cd_m2` is what each eye is adapted to, `target_cd_m2` what it is on its way to.
+    `adapted_cd_m2` is what each eye is adapted to, `target_cd_m2` what it is on its way to. Components below 0, colours
+    of glare that no display has, are shown as 0. Raises FrameError where the file of a person's curve cannot be used.
     """
-    exposures = np.array([exposure(luminance_cd_m2) for luminance_cd_m2 in adapted_cd_m2])
-    return filmic.aces(rgb, exposures, seen_peak_cd_m2(display))
+    if settings.operator is Operator.ACES and settings.hue is Hue.CLIP:
+        return filmic.aces(rgb, np.array([exposure(cd_m2) for cd_m2 in adapted_cd_m2]), seen_peak_cd_m2(display))
+    eyes = [
+        coefficients(adapted, target, settings, display)
+        for adapted, target in zip(adapted_cd_m2, target_cd_m2, strict=True)
+    ]
+    table = _table(settings)
+    return _show(rgb, np.array(eyes, np.float32), *table, settings.operator, settings.hue)
+
+
+def coefficients(adapted_cd_m2: float, target_cd_m2: float, settings: Tone, display: Display) -> tuple[float, ...]:
+    """The operator's numbers for an eye so adapted."""
+    match settings.operator:
+        case Operator.ACES:
+            return (exposure(adapted_cd_m2) * filmic.display_scale_of(seen_peak_cd_m2(display)),)
+        case Operator.REINHARD:
+            return reinhard.coefficients(adapted_cd_m2, settings.white, display)
+        case Operator.WARD:
+            return ward.coefficients(adapted_cd_m2, target_cd_m2, display)
+        case Operator.DURAND:
+            return durand.coefficients(adapted_cd_m2, display)
+        case Operator.CURVE:
+            return (own_curve.unit_cd_m2(own_curve.read_curve(settings.curve), adapted_cd_m2),)
+
+
+def full_cd_m2(adapted_cd_m2: float, target_cd_m2: float, settings: Tone, display: Display) -> float:
+    """The scene's luminance, of white light, from which on the display shows its peak; infinite where it never does."""
+    numbers = coefficients(adapted_cd_m2, target_cd_m2, settings, display)
+    match settings.operator:
+        case Operator.ACES:
+            return filmic.FULL / numbers[0]
+        case Operator.REINHARD:
+            return reinhard.full_cd_m2(*numbers)
+        case Operator.WARD:
+            return ward.full_cd_m2(*numbers)
+        case Operator.DURAND:
+            return durand.full_cd_m2(*numbers)
+        case Operator.CURVE:
+            return own_curve.full_cd_m2(own_curve.read_curve(settings.curve), *numbers)
+
+
+def _table(settings: Tone) -> tuple[np.float32, np.float32, np.ndarray]:
+    if settings.operator is not Operator.CURVE:
+        return np.float32(0), np.float32(1), np.zeros(2, np.float32)
+    curve = own_curve.read_curve(settings.curve)
+    return np.float32(curve.first_log10), np.float32(curve.step_log10), curve.shares
+
+
+@functools.partial(jax.jit, static_argnames=("operator", "hue"))
+def _show(
+    rgb: Float[Array, "eye 3 y x"],
+    numbers: Float[Array, "eye number"],
+    first_log10: Float[Array, ""],
+    step_log10: Float[Array, ""],
+    shares: Float[Array, "sample"],
+    operator: Operator,
+    hue: Hue,
+) -> Float[Array, "eye 3 y x"]:
+    first, last = numbers[:, 0, None, None], numbers[:, -1, None, None]
+    rgb = jnp.clip(rgb, 0, np.float32(_BRIGHTEST))
+    y = luminance(rgb)
+    match operator:
+        case Operator.ACES:
+            mapped = rgb * filmic.gain(y, first)[:, None]
+        case Operator.REINHARD:
+            mapped = rgb * reinhard.gain(y, first, last)[:, None]
+        case Operator.WARD:
+            mapped = rgb * first[:, None] + last[:, None]
+        case Operator.DURAND:
+            mapped = rgb * durand.gain(rgb, y, first, last)[:, None]
+        case Operator.CURVE:
+            mapped = rgb * own_curve.gain(y, first, first_log10, step_log10, shares)[:, None]
+    return within(mapped, hue)

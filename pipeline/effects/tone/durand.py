@@ -1,0 +1,94 @@
+"""Thresholds of cones and rods mapped each for itself (Durand & Dorsey 2000; KRI 4.21–4.26)."""
+
+from __future__ import annotations
+
+import math
+
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+from numpy.typing import NDArray
+
+from pipeline.effects.tone.seen import seen_peak_cd_m2, viewer_cd_m2
+from pipeline.frame import LUMINANCE_WEIGHTS, Display
+from pipeline.ranges import Range
+from pipeline.threshold import cone_threshold_cd_m2, rod_threshold_cd_m2
+
+X_WEIGHTS, Z_WEIGHTS = (0.4124, 0.3576, 0.1805), (0.0193, 0.1192, 0.9505)
+"""CIE X and Z of linear Rec.709 primaries with D65 white (IEC 61966-2-1)."""
+SEMISATURATION_CD_M2 = 0.04
+"""Where rods have half their part (KRI 4.27)."""
+LEAST_RATIO, LARGEST_RATIO = 0.3978, 7.186
+"""V/Y of red and of blue light, between which every other lies, rounded outwards."""
+WHITE_RATIO = 2.573
+"""V/Y of D65."""
+
+
+def coefficients(adapted_cd_m2: float, display: Display) -> tuple[float, float]:
+    """m_C and m_R over the display's peak (KRI 4.22): the viewer's cones serve both."""
+    viewer = cone_threshold_cd_m2(viewer_cd_m2(display)) / seen_peak_cd_m2(display)
+    return viewer / cone_threshold_cd_m2(adapted_cd_m2), viewer / rod_threshold_cd_m2(adapted_cd_m2)
+
+
+def gain(
+    rgb: Float[Array, "eye 3 y x"],
+    y: Float[Array, "eye y x"],
+    cones: Float[Array, "eye 1 1"],
+    rods: Float[Array, "eye 1 1"],
+) -> Float[Array, "eye y x"]:
+    """L_d/L = m_C + σ(L)·m_R·V/L (KRI 4.26), for components of 0 and more."""
+    return cones + rods * (np.float32(SEMISATURATION_CD_M2) / (np.float32(SEMISATURATION_CD_M2) + y)) * _ratio(rgb, y)
+
+
+def _ratio(rgb: Float[Array, "eye 3 y x"], y: Float[Array, "eye y x"]) -> Float[Array, "eye y x"]:
+    """V/Y = 1.33·(1 + (Y+Z)/X) − 1.68 (Larson 1997, E4)."""
+    x, z = (
+        sum(np.float32(weight) * rgb[:, k] for k, weight in enumerate(weights)) for weights in (X_WEIGHTS, Z_WEIGHTS)
+    )
+    # A black pixel stays black whatever its ratio.
+    return np.float32(1.33) * (1 + (y + z) / jnp.maximum(x, np.float32(1e-30))) - np.float32(1.68)
+
+
+def ratios(low: NDArray[np.float64], high: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """The least and the largest V/Y of colours between two, (3, rows, columns) each."""
+    numerator, x = _rows()
+    with np.errstate(divide="ignore", invalid="ignore"):
+        least = 1.33 * (1 + np.tensordot(numerator, low, 1) / np.tensordot(x, high, 1)) - 1.68
+        largest = 1.33 * (1 + np.tensordot(numerator, high, 1) / np.tensordot(x, low, 1)) - 1.68
+    return (
+        np.clip(np.nan_to_num(least, nan=LEAST_RATIO), LEAST_RATIO, LARGEST_RATIO),
+        np.clip(np.nan_to_num(largest, nan=LARGEST_RATIO), LEAST_RATIO, LARGEST_RATIO),
+    )
+
+
+def gains(
+    range_: Range, y_low: NDArray[np.float64], y_high: NDArray[np.float64], cones: float, rods: float
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    """The least and the largest gain of a tile, and its largest slope over luminance for one and the same colour."""
+    least, largest = ratios(range_.low[:3], range_.high[:3])
+    s = SEMISATURATION_CD_M2
+    slope = rods * largest * s / (s + y_low) ** 2
+    return cones + rods * least * s / (s + y_high), cones + rods * largest * s / (s + y_low), slope
+
+
+def ratio_change(step: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The most that a component times the change of V/Y may be, where components change by `step`; any colour.
+
+    With n = Y + Z and r = n/X, r' − r = ((n' − n) − r'·(X' − X))/X, and a component c is X/k_c at most.
+    """
+    numerator, x = _rows()
+    largest = (LARGEST_RATIO + 1.68) / 1.33 - 1
+    moved = 1.33 * (np.tensordot(numerator, step, 1) + largest * np.tensordot(x, step, 1))
+    return np.asarray(moved / x[:, None, None])
+
+
+def full_cd_m2(cones: float, rods: float) -> float:
+    """The luminance of white light from which on the display shows its peak: cones·L + rods·r·s·L/(s + L) = 1."""
+    s = SEMISATURATION_CD_M2
+    linear = cones * s + rods * WHITE_RATIO * s - 1
+    return (math.sqrt(linear * linear + 4 * cones * s) - linear) / (2 * cones)
+
+
+def _rows() -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """What makes Y + Z and X of RGB."""
+    return np.add(LUMINANCE_WEIGHTS, Z_WEIGHTS), np.array(X_WEIGHTS)
