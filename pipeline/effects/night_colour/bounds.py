@@ -1,0 +1,133 @@
+"""How much night colour may change a displayed frame, and what it makes of changes before it.
+
+Every method adds s·(tint·q − displayed) to a pixel, q the light that rods see, s their share: linear in the pixel but
+for the share, so its largest value over a tile stands in a corner of the tile's range. Both functions are of one eye.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.effects.night_colour.settings import NightColour, NightMethod
+from pipeline.effects.night_colour.share import adapted_share, largest_step, share
+from pipeline.effects.night_colour.tints import BLUE_XY, SUM_WEIGHTS, tint, weights
+from pipeline.frame import LUMINANCE_WEIGHTS, FrameError
+from pipeline.ranges import Change, Range
+
+Tiles = NDArray[np.float64]
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class _Shares:
+    """The share that a tile's pixels may have, and by how much a pixel's may change with what came before."""
+
+    low: Tiles
+    high: Tiles
+    step: Tiles
+
+
+def skipped(range_: Range, adapted_cd_m2: float, settings: NightColour, scene: Range | None = None) -> Change:
+    """The most that leaving night colour out changes a pixel: `range_` is displayed, `scene` in cd/m² (per_pixel)."""
+    still = np.zeros_like(range_.low)
+    shares = _shares(range_, still, adapted_cd_m2, settings, scene, still)
+    return shares.high * _distance(range_, adapted_cd_m2, settings.method)
+
+
+def passed_on(
+    change: Change,
+    range_: Range,
+    adapted_cd_m2: float,
+    settings: NightColour,
+    scene: Range | None = None,
+    scene_change: Change | None = None,
+) -> Change:
+    """What becomes of a change of the displayed frame, and of the scene that per_pixel looks at."""
+    if settings.per_pixel and scene_change is None:
+        raise FrameError("night colour per pixel: pass the change of the frame in cd/m² as well")
+    moved = np.zeros_like(change) if scene_change is None else scene_change
+    shares = _shares(range_, change, adapted_cd_m2, settings, scene, moved)
+    # What was there and what the tint brings: linear in the share, so one of its ends is the worst.
+    by_tint = _through_tint(change, adapted_cd_m2, settings.method)
+    blended = np.maximum(
+        (1 - shares.low) * change + shares.low * by_tint, (1 - shares.high) * change + shares.high * by_tint
+    )
+    if not shares.step.any():
+        return np.asarray(blended)
+    return np.asarray(blended + shares.step * _distance(range_.widened(change), adapted_cd_m2, settings.method))
+
+
+def _shares(
+    range_: Range,
+    change: Change,
+    adapted_cd_m2: float,
+    settings: NightColour,
+    scene: Range | None,
+    scene_change: Change,
+) -> _Shares:
+    shape = range_.low.shape[1:]
+    if settings.per_pixel:
+        if scene is None:
+            raise FrameError("night colour per pixel: pass the range of the frame in cd/m² as well")
+        around = scene.widened(scene_change)
+        low, high = share(around.high[3], settings.method), share(around.low[3], settings.method)
+        step = np.minimum(largest_step(around.low[3], scene_change[3], settings.method), high - low)
+    else:
+        low = high = np.full(shape, float(adapted_share(np.array([adapted_cd_m2]), settings)[0]))
+        step = np.zeros(shape)
+    if settings.method is not NightMethod.KRI_XY:
+        return _Shares(low, high, step)
+    least, largest = _sum_per_luminance(range_.widened(change))
+    low, high = _of_blue(low, least), _of_blue(high, largest)
+    moves = change.max(0) + scene_change[3] > 0
+    return _Shares(low, high, np.where(moves, high - low, 0.0))
+
+
+def _of_blue(sigma: Tiles, sum_per_luminance: Tiles) -> Tiles:
+    blue = sigma * sum_per_luminance * BLUE_XY[1]
+    return np.asarray(blue / (1 - sigma + blue))
+
+
+def _sum_per_luminance(range_: Range) -> tuple[Tiles, Tiles]:
+    """Least and largest (X + Y + Z)/Y of a tile's pixels. A ratio of two sums has them in corners of the range."""
+    corners = np.array(list(np.ndindex(2, 2, 2)), dtype=np.float64)[:, :, None, None]
+    rgb = range_.low[None, :3] + corners * (range_.high - range_.low)[None, :3]
+    luminance = np.tensordot(rgb, LUMINANCE_WEIGHTS, (1, 0))
+    total = np.tensordot(rgb, SUM_WEIGHTS, (1, 0))
+    lit = luminance > 0
+    ratio = total / np.where(lit, luminance, 1)
+    # A black corner has no ratio; a tile that is black all over needs none.
+    low = np.where(lit, ratio, np.inf).min(0)
+    return np.where(np.isfinite(low), low, 1.0), np.where(lit, ratio, 1.0).max(0)
+
+
+def _distance(range_: Range, adapted_cd_m2: float, method: NightMethod) -> Change:
+    """Largest |tint·q − displayed| of a tile's pixels, in R, G, B and Y."""
+    colour, seen_by = tint(method, adapted_cd_m2), np.array(weights(method))
+    luminance = np.array(LUMINANCE_WEIGHTS)
+    difference = np.vstack([np.outer(colour, seen_by) - np.eye(3), (luminance @ colour) * seen_by - luminance])
+    middle, half = (range_.high + range_.low)[:3] / 2, (range_.high - range_.low)[:3] / 2
+    at_middle = np.tensordot(difference, middle, (1, 0))
+    distance = np.abs(at_middle) + np.tensordot(np.abs(difference), half, (1, 0))
+    if method is NightMethod.RODS:
+        return np.asarray(distance)
+    # Rods that see as cones do see Y, whose range is often narrower than R's, G's and B's together.
+    low, high = range_.low[3], range_.high[3]
+    by_luminance = np.stack(
+        [
+            *(np.maximum(colour[k] * high - range_.low[k], range_.high[k] - colour[k] * low) for k in range(3)),
+            abs(luminance @ colour - 1) * high,
+        ]
+    )
+    return np.minimum(distance, by_luminance)
+
+
+def _through_tint(change: Change, adapted_cd_m2: float, method: NightMethod) -> Change:
+    """What a change of a pixel does to tint·q."""
+    colour = tint(method, adapted_cd_m2)
+    seen = np.tensordot(np.array(weights(method)), change[:3], (0, 0))
+    if method is not NightMethod.RODS:
+        seen = np.minimum(seen, change[3])
+    return np.append(colour, np.array(LUMINANCE_WEIGHTS) @ colour)[:, None, None] * seen[None]

@@ -1,0 +1,101 @@
+"""Colour at night: each pixel a blend of what cones and what rods see.
+
+Every method is displayed·(1 − s) + tint·(light that rods see)·s. They differ in the share s, the tint, and by which
+weights rods see light (share.py, tints.py). KRI's blend of chromaticities is one of them too: x and y of a mixture lie
+between those of its parts by their X + Y + Z, so with 1/y of the pixel and of the blue, KRI's σ becomes the share
+s = σ·(1/y)/(4·(1 − σ) + σ·(1/y)) of a blue as luminous as the pixel, 4 being the blue's 1/y.
+"""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Sequence
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+from numpy.typing import NDArray
+
+from pipeline.effects.night_colour.settings import NightColour, NightMethod
+from pipeline.effects.night_colour.share import adapted_share, share
+from pipeline.effects.night_colour.tints import BLUE_XY, SUM_WEIGHTS, TINT, tint, weights
+from pipeline.frame import LUMINANCE_WEIGHTS, FrameError
+from pipeline.measure import luminance
+
+
+def shift(
+    displayed: Float[Array, "eye 3 y x"],
+    adapted_cd_m2: Sequence[float] | NDArray[np.float64],
+    settings: NightColour,
+    scene: Float[Array, "eye 3 y x"] | None = None,
+) -> Float[Array, "eye 3 y x"]:
+    """A displayed frame (linear Rec.709, 0 or more, 1 = the display's peak) as eyes adapted to these luminances see it.
+
+    `scene` is the same frame in cd/m², before tone mapping: settings.per_pixel needs it, nothing else does. What comes
+    out may exceed 1 where it was near: a tint is brighter than white in blue. Raises FrameError without a scene that
+    is needed.
+    """
+    method = settings.method
+    adapted = np.asarray(adapted_cd_m2, dtype=np.float64)
+    tints = jnp.asarray(np.stack([tint(method, luminance_cd_m2) for luminance_cd_m2 in adapted]), jnp.float32)
+    seen_by = weights(method)
+    if not settings.per_pixel:
+        shares = jnp.asarray(adapted_share(adapted, settings), jnp.float32)
+        return _blend(displayed, shares[:, None, None], tints, seen_by, method is NightMethod.KRI_XY)
+    if scene is None:
+        raise FrameError("night colour per pixel: pass the frame in cd/m² as well, or set per_pixel = false")
+    return _blend_per_pixel(displayed, scene, tints, seen_by, method)
+
+
+def night_tint(displayed: Float[Array, "eye 3 y x"], rod_share: Float[Array, "eye"]) -> Float[Array, "eye 3 y x"]:
+    """A displayed frame (linear, 1 = peak) blended towards LUI's tinted grey by the rods' share σ(L_i) in [0, 1]."""
+    shares = jnp.asarray(rod_share, jnp.float32)[:, None, None]
+    tints = jnp.broadcast_to(jnp.asarray(TINT, jnp.float32), (displayed.shape[0], 3))
+    return _blend(displayed, shares, tints, LUMINANCE_WEIGHTS, False)
+
+
+def grey_change_code_values(rod_share: float) -> float:
+    """At most how many of 255 code values LUI's tint changes a grey pixel.
+
+    Blue, which changes most, gains 0.27·σ of itself, and v·dE/dv of the sRGB encoding E(v) is 0.44 at most.
+    """
+    return 255 * 0.44 * (max(TINT) - 1) * rod_share
+
+
+@functools.partial(jax.jit, static_argnames=("seen_by", "by_chromaticity"))
+def _blend(
+    displayed: Float[Array, "eye 3 y x"],
+    shares: Float[Array, "eye #y #x"],
+    tints: Float[Array, "eye 3"],
+    seen_by: tuple[float, float, float],
+    by_chromaticity: bool,
+) -> Float[Array, "eye 3 y x"]:
+    if by_chromaticity:
+        shares = _of_blue(displayed, shares)
+    seen = _weighted(displayed, seen_by)
+    return displayed * (1 - shares[:, None]) + tints[:, :, None, None] * seen[:, None] * shares[:, None]
+
+
+@functools.partial(jax.jit, static_argnames=("seen_by", "method"))
+def _blend_per_pixel(
+    displayed: Float[Array, "eye 3 y x"],
+    scene: Float[Array, "eye 3 y x"],
+    tints: Float[Array, "eye 3"],
+    seen_by: tuple[float, float, float],
+    method: NightMethod,
+) -> Float[Array, "eye 3 y x"]:
+    shares = share(jnp.maximum(luminance(scene), 0), method)
+    return _blend(displayed, shares, tints, seen_by, method is NightMethod.KRI_XY)
+
+
+def _of_blue(displayed: Float[Array, "eye 3 y x"], sigma: Float[Array, "eye #y #x"]) -> Float[Array, "eye y x"]:
+    """KRI's σ as a share of light; 0 at black, where there is none."""
+    blue = sigma * _weighted(displayed, SUM_WEIGHTS)
+    all_light = (1 - sigma) * luminance(displayed) * np.float32(1 / BLUE_XY[1]) + blue
+    return blue / jnp.maximum(all_light, np.float32(1e-30))
+
+
+def _weighted(rgb: Float[Array, "eye 3 y x"], by: tuple[float, float, float]) -> Float[Array, "eye y x"]:
+    red, green, blue = (np.float32(weight) for weight in by)
+    return red * rgb[:, 0] + green * rgb[:, 1] + blue * rgb[:, 2]
