@@ -4,20 +4,11 @@ import math
 
 import numpy as np
 import pytest
+from hard_frames import FOV_DEG, SMALL, grey, see
 
-from pipeline import Frame, FrameError, Looking, Observer, Perceived, RenderState, perceive
+from pipeline import Frame, FrameError, Looking, RenderState, perceive
 from pipeline.effects import adaptation
 from pipeline.frame import clean
-
-SMALL = Observer(particles=50, gratings=20)
-
-
-def see(rgb: np.ndarray, eye: Looking = Looking(pupil_mm=5.0), state: RenderState | None = None) -> Perceived:  # noqa: B008
-    return perceive(Frame.from_rgb(rgb, 60.0), eye, observer=SMALL, state=state)
-
-
-def grey(luminance: float, height: int = 60, width: int = 64) -> np.ndarray:
-    return np.full((height, width, 3), luminance, np.float32)
 
 
 def test_all_black_frame_is_black() -> None:
@@ -135,7 +126,7 @@ def test_a_gaze_outside_the_frame_is_legal(azimuth_deg: float) -> None:
 
 def test_a_change_of_resolution_in_mid_session_keeps_the_state() -> None:
     state = see(grey(5.0)).state
-    again = perceive(Frame.from_rgb(grey(5.0, 33, 77), 60.0), Looking(pupil_mm=5.0), observer=SMALL, state=state)
+    again = perceive(Frame.from_rgb(grey(5.0, 33, 77), FOV_DEG), Looking(pupil_mm=5.0), observer=SMALL, state=state)
     assert again.state.adapted_cd_m2 == pytest.approx(state.adapted_cd_m2)
 
 
