@@ -11,6 +11,7 @@ from colour.difference import delta_E_ITP
 from jaxtyping import Float
 from numpy.typing import NDArray
 
+from pipeline.cost.plain.tone import encode
 from pipeline.effects import tone
 from pipeline.frame import LUMINANCE_WEIGHTS, Display
 
@@ -23,9 +24,9 @@ class Errors:
     """An image against the truth."""
 
     relative_l2: float
-    """Root of the sum of squared differences over the root of the sum of the truth's squares, all channels, cd/m²."""
+    """Root of the sum of squared differences over the root of the sum of the truth's squares, all channels."""
     worst_cd_m2: float
-    """The largest difference of luminance, with its sign."""
+    """The largest difference of luminance, with its sign: in cd/m² of scene or display, as the image is."""
     worst_x_px: int
     """Where that is: column from the left."""
     worst_y_px: int
@@ -34,6 +35,8 @@ class Errors:
     """ΔE ITP (ITU-R BT.2124) of what a display shows; 1 is just noticeable in the best of circumstances."""
     delta_e_p95: float
     """That 95 % of the pixels stay below."""
+    share_changed: float
+    """Share of the pixels that an sRGB display shows with another code value in any channel."""
 
 
 def errors_of(
@@ -43,11 +46,24 @@ def errors_of(
 
     Both are linear Rec.709. Differences are taken in float64.
     """
+    return errors_between(image, truth, shown(image, exposure, display), shown(truth, exposure, display), display)
+
+
+def errors_between(
+    image: Float[np.ndarray, "3 y x"],
+    truth: Float[np.ndarray, "3 y x"],
+    shown_image: Float[np.ndarray, "3 y x"],
+    shown_truth: Float[np.ndarray, "3 y x"],
+    display: Display,
+) -> Errors:
+    """Errors of an image, and of what becomes of it on the display, in the display's cd/m²."""
     image, truth = np.asarray(image, np.float64), np.asarray(truth, np.float64)
     difference = image - truth
     luminance = np.einsum("c,cyx->yx", np.array(LUMINANCE_WEIGHTS), difference)
     y_px, x_px = np.unravel_index(int(np.abs(luminance).argmax()), luminance.shape)
-    delta_e = delta_e_itp(shown(image, exposure, display), shown(truth, exposure, display))
+    delta_e = delta_e_itp(shown_image, shown_truth)
+    black = display.black_cd_m2 / display.peak_cd_m2
+    codes, true_codes = (encode(of / display.peak_cd_m2, black) for of in (shown_image, shown_truth))
     return Errors(
         relative_l2=float(np.linalg.norm(difference) / max(np.linalg.norm(truth), np.finfo(float).tiny)),
         worst_cd_m2=float(luminance[y_px, x_px]),
@@ -55,6 +71,7 @@ def errors_of(
         worst_y_px=int(y_px),
         delta_e_mean=float(delta_e.mean()),
         delta_e_p95=float(np.percentile(delta_e, 95)),
+        share_changed=float((codes != true_codes).any(axis=2).mean()),
     )
 
 

@@ -10,6 +10,7 @@ import dataclasses
 
 import jax.numpy as jnp
 import numpy as np
+from jaxtyping import Array, Float
 from numpy.typing import NDArray
 
 from pipeline.frame import LUMINANCE_WEIGHTS, Frame, View
@@ -64,8 +65,8 @@ SUN_DISC = dataclasses.replace(SUNNY, sun=True)
 
 def landscape(view: View, sky: Sky) -> Frame:
     """The landscape under a sky, for one eye that looks straight ahead at the horizon."""
-    right = (np.arange(view.width_px) + 0.5 - view.width_px / 2)[None, :] / view.focal_px
-    up = (view.height_px / 2 - np.arange(view.height_px) - 0.5)[:, None] / view.focal_px
+    right = np.asarray((np.arange(view.width_px) + 0.5 - view.width_px / 2)[None, :] / view.focal_px, np.float64)
+    up = np.asarray((view.height_px / 2 - np.arange(view.height_px) - 0.5)[:, None] / view.focal_px, np.float64)
     azimuth = np.degrees(np.arctan(right))
     elevation = np.degrees(np.arctan2(up, np.sqrt(1 + right * right)))
     above = _sky(elevation, sky)
@@ -82,7 +83,7 @@ def landscape(view: View, sky: Sky) -> Frame:
     for at_deg, below_deg, size_deg in _bushes():
         inside = 1 - np.hypot((azimuth - at_deg) / size_deg, (elevation + below_deg) / (0.8 * size_deg))
         image = image + _step(size_deg * inside, view) * (_albedo(LEAVES) * (1 + 2 * grain) * light - image)
-    return Frame(_lights(np.maximum(image, 0), elevation, view, sky)[None], view)
+    return Frame(_lights(np.maximum(image, 0), view, sky)[None], view)
 
 
 def _unit(colour: tuple[float, float, float]) -> Reals:
@@ -145,20 +146,24 @@ def _bushes() -> list[tuple[float, float, float]]:
     return list(zip(random.uniform(-65, 65, BUSHES), below - 0.3, 0.25 * below + 0.1, strict=True))
 
 
-def _lights(image: Reals, elevation: Reals, view: View, sky: Sky) -> jnp.ndarray:
+def _lights(image: Reals, view: View, sky: Sky) -> Float[Array, "3 y x"]:
     """With the stars and the sun."""
     drawn = jnp.asarray(image, jnp.float32)
     if sky.stars:
         random = np.random.default_rng(5)
         azimuth, up = random.uniform(-60, 60, sky.stars), random.uniform(9, 55, sky.stars)
-        x_px, y_px = np.array([view.pixel_of(*at) for at in zip(azimuth, up, strict=True)]).T
         flux = STAR_LX * 10 ** (-0.4 * random.uniform(0.5, 5, sky.stars)) * view.focal_px**2
-        radius_px = np.full(sky.stars, 0.5)
+        at_px = np.array([view.pixel_of(*at) for at in zip(azimuth, up, strict=True)])
+        # The light of a disc of half a pixel's radius.
         rgb = np.repeat((flux / (np.pi * 0.25))[:, None], 3, axis=1)
-        drawn = add_discs(drawn, *map(jnp.asarray, (x_px, y_px, radius_px, rgb)), half=4)
+        drawn = _discs(drawn, at_px, np.full(sky.stars, 0.5), rgb)
     if sky.sun:
-        x_px, y_px = (np.array([at]) for at in view.pixel_of(*SUN_AT_DEG))
         radius_px = np.array([SUN_RADIUS_DEG * view.ppd_centre])
-        rgb = np.full((1, 3), SUN_CD_M2)
-        drawn = add_discs(drawn, *map(jnp.asarray, (x_px, y_px, radius_px, rgb)), half=int(radius_px[0]) + 5)
+        drawn = _discs(drawn, np.array([view.pixel_of(*SUN_AT_DEG)]), radius_px, np.full((1, 3), SUN_CD_M2))
     return drawn
+
+
+def _discs(image: Float[Array, "3 y x"], at_px: Reals, radius_px: Reals, rgb: Reals) -> Float[Array, "3 y x"]:
+    x_px, y_px = at_px.T
+    x, y, radius, light = (jnp.asarray(values) for values in (x_px, y_px, radius_px, rgb))
+    return add_discs(image, x, y, radius, light, half=int(radius_px.max()) + 5)

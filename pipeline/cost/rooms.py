@@ -68,8 +68,8 @@ def candle_room(view: View) -> Frame:
     x_px, y_px = view.width_px / 2 + px_per_m * CANDLE_M[0], view.height_px / 2 - px_per_m * CANDLE_M[1]
     radius_px = px_per_m * FLAME_M
     flame = colour * CANDLE_CD / (np.pi * FLAME_M**2)
-    disc = [jnp.asarray([value]) for value in (x_px, y_px, radius_px, flame)]
-    return Frame(add_discs(image, *disc, half=int(radius_px) + 5)[None], view)
+    x, y, radius, rgb = (jnp.asarray([value]) for value in (x_px, y_px, radius_px, flame))
+    return Frame(add_discs(image, x, y, radius, rgb, half=int(radius_px) + 5)[None], view)
 
 
 def _meet(view: View) -> tuple[Reals, NDArray[np.intp], Reals]:

@@ -40,3 +40,20 @@ def exposure(adapted_cd_m2: float) -> float:
 def rod_share(adapted_cd_m2: float) -> float:
     """σ (LUI 5.4)."""
     return 0.04 / (0.04 + adapted_cd_m2)
+
+
+def log_mean_cd_m2(rgb: Reals) -> float:
+    """KRI 4.15: the geometric mean of all pixels."""
+    return float(np.exp(np.log(luminance(rgb) + FLOOR_CD_M2).mean()))
+
+
+def mean_cd_m2(rgb: Reals) -> float:
+    """BAR's first method: the mean of all pixels."""
+    return max(float(luminance(rgb).mean()), FLOOR_CD_M2)
+
+
+def middle_mean_cd_m2(rgb: Reals) -> float:
+    """BAR 5–6: the mean under 1 − 4d² around the middle, d = 1 at the sides."""
+    y, x = (2 * (np.arange(size) + 0.5) / size - 1 for size in rgb.shape[1:])
+    weights = np.maximum(1 - 4 * (y[:, None] ** 2 + x[None, :] ** 2), 0)
+    return max(float((weights * luminance(rgb)).sum() / weights.sum()), FLOOR_CD_M2)

@@ -59,8 +59,8 @@ class PlainGlare:
         ends = [min(3, len(places) - 1) for places in (rows, columns)]
         if min(ends) < 1:
             return np.broadcast_to(low.mean(axis=(1, 2), keepdims=True), rgb.shape)
-        at = [np.arange(size) for size in rgb.shape[1:]]
-        return np.stack([RectBivariateSpline(rows, columns, one, kx=ends[0], ky=ends[1])(*at) for one in low])
+        y, x = (np.arange(size) for size in rgb.shape[1:])
+        return np.stack([RectBivariateSpline(rows, columns, one, kx=ends[0], ky=ends[1])(y, x) for one in low])
 
 
 def prepare(view: View, kernel: Mixture) -> PlainGlare:

@@ -1,0 +1,88 @@
+"""Tone mapping beside ACES: luminance to the display's share of its peak, and what keeps colours on the display.
+
+For a display of the reference's peak, without black and surround, and an eye that is adapted.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import PchipInterpolator
+
+from pipeline.cost.plain import adaptation, tone
+from pipeline.cost.plain.adaptation import luminance
+from pipeline.threshold import cone_threshold_cd_m2, rod_threshold_cd_m2, threshold_cd_m2
+
+Reals = NDArray[np.float64]
+
+PEAK_CD_M2 = tone.REFERENCE_PEAK_CD_M2
+X_WEIGHTS, Z_WEIGHTS = np.array([0.4124, 0.3576, 0.1805]), np.array([0.0193, 0.1192, 0.9505])
+"""Of linear Rec.709 (IEC 61966-2-1)."""
+
+
+def filmic(rgb: Reals, adapted_cd_m2: float) -> Reals:
+    """The ACES curve of luminance."""
+    return _by_luminance(rgb, lambda y: tone.curve(y * adaptation.exposure(adapted_cd_m2)))
+
+
+def reinhard(rgb: Reals, adapted_cd_m2: float, white: float = 2.0) -> Reals:
+    """KRI 4.18–4.20."""
+
+    def share(y: Reals) -> Reals:
+        exposed = y * adaptation.exposure(adapted_cd_m2)
+        return exposed * (1 + exposed / white**2) / (1 + exposed)
+
+    return _by_luminance(rgb, share)
+
+
+def ward(rgb: Reals, adapted_cd_m2: float) -> Reals:
+    """BAR 9: the threshold of the scene becomes that of the display."""
+    return rgb * cone_threshold_cd_m2(PEAK_CD_M2 / 2) / threshold_cd_m2(adapted_cd_m2) / PEAK_CD_M2
+
+
+def durand(rgb: Reals, adapted_cd_m2: float) -> Reals:
+    """KRI 4.21–4.26: that of cones and that of rods apart; scotopic luminance as Larson has it (E4)."""
+    viewer = cone_threshold_cd_m2(PEAK_CD_M2 / 2)
+    cones = viewer / cone_threshold_cd_m2(adapted_cd_m2)
+    rods = viewer / rod_threshold_cd_m2(adapted_cd_m2)
+    y = luminance(rgb)
+    x, z = (np.einsum("c,cyx->yx", weights, rgb) for weights in (X_WEIGHTS, Z_WEIGHTS))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        scotopic = np.where(x > 0, y * (1.33 * (1 + (y + z) / x) - 1.68), 0)
+    return _by_luminance(rgb, lambda y: (cones * y + 0.04 / (0.04 + y) * rods * scotopic) / PEAK_CD_M2)
+
+
+def own_curve(rgb: Reals, adapted_cd_m2: float, log10_of_adapted: list[float], shares: list[float]) -> Reals:
+    """A person's points, PCHIP between them, below in proportion to luminance."""
+    first = 10 ** log10_of_adapted[0]
+
+    def share(y: Reals) -> Reals:
+        relative = y / adapted_cd_m2
+        at = np.clip(np.log10(np.maximum(relative, first)), None, log10_of_adapted[-1])
+        return np.asarray(PchipInterpolator(log10_of_adapted, shares)(at) * np.minimum(relative / first, 1))
+
+    return _by_luminance(rgb, share)
+
+
+def clipped(mapped: Reals) -> Reals:
+    """Each component ends at the peak."""
+    return np.clip(mapped, 0, 1)
+
+
+def divided(mapped: Reals) -> Reals:
+    """All three by the largest, where that is above the peak (KRI 4.30)."""
+    return np.asarray(mapped / np.maximum(1, mapped.max(axis=0)))
+
+
+def same_chromaticity(mapped: Reals) -> Reals:
+    """Luminance ends at the peak's (KRI 4.28, E5)."""
+    y = luminance(mapped)
+    return clipped(mapped / np.maximum(1, y))
+
+
+def _by_luminance(rgb: Reals, share: Callable[[Reals], Reals]) -> Reals:
+    y = luminance(rgb)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return np.asarray(np.where(y > 0, rgb * (share(y) / y), 0))

@@ -1,0 +1,94 @@
+"""Ways of the effects whose images are in cd/m² of the scene: adaptation, glare, acuity."""
+
+from __future__ import annotations
+
+import jax.numpy as jnp
+import numpy as np
+
+from pipeline.cost.plain import acuity as plain_acuity
+from pipeline.cost.plain import adaptation as plain_adaptation
+from pipeline.cost.plain.glare import prepare
+from pipeline.cost.ways.stage import Reals, Stage
+from pipeline.cost.ways.way import SKIPPED, Way, Ways
+from pipeline.effects import acuity, adaptation
+from pipeline.effects.adaptation import Adaptation, Target
+from pipeline.effects.glare import Glare, GlareLevel, GlareModel
+from pipeline.effects.glare.reference import of_mixture, reference_glare
+
+
+def adaptation_ways(stage: Stage) -> Ways:
+    """Each target, from tiles against all pixels. Their image is the scene as an eye adapted to it is exposed."""
+    rgb = np.asarray(stage.rgb, np.float64)
+    view = stage.scene.frame.view
+    true_cd_m2 = {
+        Target.LUI: lambda: plain_adaptation.target_cd_m2(rgb, view),
+        Target.KRI: lambda: plain_adaptation.log_mean_cd_m2(rgb),
+        Target.BAR_SCENE: lambda: plain_adaptation.mean_cd_m2(rgb),
+        Target.BAR_VIEW: lambda: plain_adaptation.middle_mean_cd_m2(rgb),
+    }
+
+    def exposed(adapted_cd_m2: float) -> Reals:
+        # For the same display: brighter by as much as the exposure is larger than that of the scene's own target.
+        return stage.resolved * (plain_adaptation.exposure(adapted_cd_m2) / stage.exposure)
+
+    def way(name: str, settings: Adaptation) -> Way:
+        return Way(
+            name,
+            lambda: adaptation.target_cd_m2(stage.scene.measured, 0.0, 0.0, settings),
+            settings.target.value,
+            exposed,
+        )
+
+    return Ways(
+        [
+            *(way(target.value, Adaptation(target=target)) for target in Target),
+            way("lui, robust", Adaptation(robust=True)),
+        ],
+        {target.value: lambda of=target: exposed(true_cd_m2[of]()) for target in Target},
+    )
+
+
+def glare_ways(stage: Stage) -> Ways:
+    """Each level against the reference of the same kernel; each other model at the level `frame`, against an FFT."""
+    rgb = np.asarray(stage.rgb, np.float64)
+    view = stage.scene.frame.view
+    wave = GlareModel.WAVE.value
+    levels = [
+        Way(level.value, lambda level=level: stage.glare(Glare(level=level)), wave, _image)
+        for level in (GlareLevel.VEIL, GlareLevel.SOURCES, GlareLevel.WINDOW, GlareLevel.FRAME)
+    ]
+    models = [
+        Way(
+            f"{model.value}, frame",
+            lambda model=model: stage.glare(Glare(model=model, level=GlareLevel.FRAME)),
+            model.value,
+            _image,
+        )
+        for model in GlareModel
+        if model is not GlareModel.WAVE
+    ]
+    truths = {wave: lambda: reference_glare(rgb, view, *of_mixture(stage.kernel()))}
+    truths |= {
+        model.value: lambda model=model: prepare(view, stage.kernel(model))(rgb)
+        for model in GlareModel
+        if model is not GlareModel.WAVE
+    }
+    return Ways([Way(SKIPPED, None, wave, lambda _: rgb), *levels, *models], truths, timed_truth=(wave,))
+
+
+def acuity_ways(stage: Stage) -> Ways:
+    """The fast fit against the true filter of the same widths."""
+    rgb = jnp.asarray(stage.glared)[None]
+    exact = stage.glared.astype(np.float64)
+    return Ways(
+        [
+            Way(SKIPPED, None, "fit", lambda _: exact),
+            Way("fit", lambda: acuity.dark_acuity(rgb)[0], "fit", _image),
+        ],
+        {"fit": lambda: plain_acuity.true_filter(exact)},
+        timed_truth=("fit",),
+    )
+
+
+def _image(result: object) -> Reals:
+    return np.asarray(result, np.float64)

@@ -1,0 +1,157 @@
+"""Ways of the effects whose images are on the display: tone mapping, night colour, encoding."""
+
+from __future__ import annotations
+
+import functools
+import tempfile
+from collections.abc import Callable
+from pathlib import Path
+
+import colour
+import jax.numpy as jnp
+import msgspec
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline import mesopic
+from pipeline.cost.plain import night_colour as plain_night
+from pipeline.cost.plain import operators
+from pipeline.cost.plain import tone as plain_tone
+from pipeline.cost.plain.adaptation import luminance, rod_share
+from pipeline.cost.ways.stage import Reals, Stage
+from pipeline.cost.ways.way import SKIPPED, Way, Ways
+from pipeline.effects import encode, night_colour, tone
+from pipeline.effects.night_colour import NightColour, NightMethod
+from pipeline.effects.night_colour.tints import tint, weights
+from pipeline.effects.tone import Hue, Operator, Tone
+from pipeline.frame import Encoding
+
+CURVE = ([-3.0, -1.5, 0.0, 1.0, 2.0], [0.01, 0.1, 0.45, 0.85, 1.0])
+"""A person's curve: log10 of luminance over the adapted one, share of the peak. Made up, to be timed."""
+
+
+def tone_ways(stage: Stage) -> Ways:
+    """Each operator, and each way to keep hues, against the same in float64."""
+    rgb = jnp.asarray(stage.resolved)[None]
+    exact, adapted = stage.resolved.astype(np.float64), stage.adapted_cd_m2
+    plainly: dict[Operator, Callable[[], Reals]] = {
+        Operator.ACES: lambda: operators.filmic(exact, adapted),
+        Operator.REINHARD: lambda: operators.reinhard(exact, adapted),
+        Operator.WARD: lambda: operators.ward(exact, adapted),
+        Operator.DURAND: lambda: operators.durand(exact, adapted),
+        Operator.CURVE: lambda: operators.own_curve(exact, adapted, *CURVE),
+    }
+    hues = {Hue.CLIP: operators.clipped, Hue.RGB: operators.divided, Hue.XYY: operators.same_chromaticity}
+    settings = {
+        _name(operator, hue): Tone(
+            operator=operator, hue=hue, curve=_curve_file() if operator is Operator.CURVE else ""
+        )
+        for operator in Operator
+        for hue in Hue
+    }
+    truths: dict[str, Callable[[], Reals]] = {
+        _name(operator, hue): lambda operator=operator, hue=hue: hues[hue](plainly[operator]())
+        for operator in Operator
+        for hue in Hue
+    }
+    truths[_name(Operator.ACES, Hue.CLIP)] = lambda: plain_tone.aces(exact, stage.exposure, stage.display.peak_cd_m2)
+    return Ways(
+        [
+            Way(name, lambda of=of: tone.show(rgb, [adapted], [adapted], of, stage.display)[0], name, _image)
+            for name, of in settings.items()
+        ],
+        truths,
+        unit_cd_m2=stage.display.peak_cd_m2,
+    )
+
+
+def night_colour_ways(stage: Stage) -> Ways:
+    """Each method against the same in float64; leaving it out against LUI's."""
+    shown = jnp.asarray(stage.shown)[None]
+    scene = jnp.asarray(stage.resolved)[None]
+    exact, adapted = stage.shown.astype(np.float64), stage.adapted_cd_m2
+    lui = NightMethod.LUI.value
+    settings = {method.value: NightColour(method=method) for method in NightMethod}
+    settings |= {"lui, mesopic": NightColour(mesopic=True), "lui, per pixel": NightColour(per_pixel=True)}
+
+    def by_pixel() -> Reals:
+        share = 0.04 / (0.04 + luminance(stage.resolved.astype(np.float64)))
+        return plain_night.towards(exact, np.array(plain_night.TINT), share)
+
+    def rods() -> Reals:
+        method = NightMethod.RODS
+        return plain_night.towards(exact, tint(method, adapted), rod_share(adapted), weights(method))
+
+    return Ways(
+        [
+            Way(SKIPPED, None, lui, lambda _: exact),
+            *(
+                Way(name, lambda of=of: night_colour.shift(shown, [adapted], of, scene)[0], name, _image)
+                for name, of in settings.items()
+            ),
+        ],
+        {
+            lui: lambda: plain_night.night_tint(exact, adapted),
+            NightMethod.KRI_XY.value: lambda: plain_night.kri_xy(exact, adapted),
+            NightMethod.KRI_RGB.value: lambda: plain_night.kri_rgb(exact, adapted),
+            NightMethod.BAR.value: lambda: plain_night.bar(exact, adapted),
+            NightMethod.RODS.value: rods,
+            "lui, mesopic": lambda: plain_night.towards(exact, np.array(plain_night.TINT), mesopic.rod_share(adapted)),
+            "lui, per pixel": by_pixel,
+        },
+        unit_cd_m2=stage.display.peak_cd_m2,
+    )
+
+
+def encode_ways(stage: Stage) -> Ways:
+    """Each encoding, decoded again, against the light that was to be shown."""
+    linear = jnp.asarray(stage.tinted)[None]
+    exact = stage.tinted.astype(np.float64)
+    return Ways(
+        [
+            Way(
+                encoding.value,
+                lambda of=encoding: encode.encode(linear, msgspec.structs.replace(stage.display, encoding=of))[0],
+                "light",
+                functools.partial(_decoded, encoding=encoding, peak_cd_m2=stage.display.peak_cd_m2),
+            )
+            for encoding in Encoding
+        ],
+        {"light": lambda: exact},
+        unit_cd_m2=stage.display.peak_cd_m2,
+    )
+
+
+def _decoded(codes: NDArray[np.generic], *, encoding: Encoding, peak_cd_m2: float) -> Reals:
+    """What a display makes of code values, as a share of its peak: linear Rec.709."""
+    values = np.asarray(codes, np.float64)
+    match encoding:
+        case Encoding.LINEAR:
+            return values.transpose(2, 0, 1)
+        case Encoding.SRGB:
+            light, primaries = colour.models.eotf_sRGB(values / 255), None
+        case Encoding.DISPLAY_P3:
+            light, primaries = colour.models.eotf_sRGB(values / 255), "Display P3"
+        case Encoding.HDR10:
+            light, primaries = colour.models.eotf_ST2084(values / 1023) / peak_cd_m2, "ITU-R BT.2020"
+    if primaries is not None:
+        spaces = colour.RGB_COLOURSPACES
+        light = light @ colour.matrix_RGB_to_RGB(spaces[primaries], spaces["ITU-R BT.709"]).T
+    return np.asarray(light.transpose(2, 0, 1), np.float64)
+
+
+def _name(operator: Operator, hue: Hue) -> str:
+    return operator.value if hue is Hue.CLIP else f"{operator.value}, hue {hue.value}"
+
+
+@functools.cache
+def _curve_file() -> str:
+    folder = Path(tempfile.mkdtemp(prefix="entoptic-"))
+    path = folder / "curve.csv"
+    rows = "".join(f"{log},{share}\n" for log, share in zip(*CURVE, strict=True))
+    path.write_text(f"log10_of_adapted,share\n{rows}", encoding="utf-8")
+    return str(path)
+
+
+def _image(result: object) -> Reals:
+    return np.asarray(result, np.float64)
