@@ -20,6 +20,8 @@ TILES = 128
 """Low resolution: at most 128 tiles along the longer side (LUI §5.1)."""
 HISTOGRAM_LOG10 = np.linspace(-6.0, 10.0, 65)
 """Edges of the luminance histogram, log10 cd/m²: starlight to beyond the sun, four bins a decade."""
+RANGE_TILES = 64
+"""Ranges are kept of at most so many tiles along the longer side. Engineering choice: bounds of 128 take 10 ms."""
 MAX_SOURCES = 16
 SOURCE_RATIO = 30
 """A source is this much brighter than the frame's mean. Engineering choice."""
@@ -43,7 +45,7 @@ class Measurement:
     tile_mean_cd_m2: NDArray[np.float32]
     """Mean luminance of each tile, shape (tile rows, tile columns)."""
     range_cd_m2: Range
-    """Least and largest of each tile's pixels."""
+    """Least and largest of each tile's pixels; its tiles are larger (RANGE_TILES)."""
     min_cd_m2: float
     max_cd_m2: float
     mean_cd_m2: float
@@ -138,13 +140,21 @@ def _interpret(
         view=view,
         tile_px=tile_px,
         tile_mean_cd_m2=tile_mean,
-        range_cd_m2=Range(low.astype(np.float64), high.astype(np.float64), tile_px),
+        range_cd_m2=_range(low, high, tile_px),
         min_cd_m2=float(low[3].min()),
         max_cd_m2=float(high[3].max()),
         mean_cd_m2=mean,
         histogram=np.histogram(log, HISTOGRAM_LOG10)[0],
         sources=_sources(high[3], mean, tile_px),
     )
+
+
+def _range(low: NDArray[np.float32], high: NDArray[np.float32], tile_px: int) -> Range:
+    pool = -(-max(low.shape[1:]) // RANGE_TILES)
+    for axis in (1, 2):
+        begins = range(0, low.shape[axis], pool)
+        low, high = np.minimum.reduceat(low, begins, axis=axis), np.maximum.reduceat(high, begins, axis=axis)
+    return Range(low.astype(np.float64), high.astype(np.float64), tile_px * pool)
 
 
 def _sources(tile_max: NDArray[np.float32], mean_cd_m2: float, tile_px: int) -> tuple[LightSource, ...]:

@@ -23,8 +23,6 @@ from pipeline.measure import SOURCE_RATIO, Measurement
 from pipeline.optics import radial
 from pipeline.ranges import Change, Range
 
-COARSE = 64
-"""Rings are taken over at most this many tiles along a side. Engineering choice: 2 ms instead of 10."""
 VEIL_MARGIN = 0.05
 """Of what a veil brings: its tiles are up to 2 % off at 9–10° (docs/optics.md), and the share that comes from within
 the frame is summed coarsely here."""
@@ -60,9 +58,7 @@ def lesser(
     if ceiling_cd_m2 is not None or asked is GlareLevel.SOURCES:
         above = max(ceiling_cd_m2 or 0.0, SOURCE_RATIO * measured.mean_cd_m2 if asked is GlareLevel.SOURCES else 0.0)
         low, high = np.zeros_like(low), np.where(range_.high[3] > above, high, 0)
-    pool = max(1, -(-max(low.shape[1:]) // COARSE))
-    tile_px, shape = range_.tile_px * pool, low.shape[1:]
-    low, high = _pooled(low, pool, np.minimum), _pooled(high, pool, np.maximum)
+    tile_px = range_.tile_px
     change, ring_low, ring_high, reach = np.zeros((4, *low.shape[1:])), low.copy(), high, 0
     # A tile that the frame's edge cuts is dark beyond it.
     if measured.view.height_px % tile_px:
@@ -79,7 +75,7 @@ def lesser(
         change = _in_window(change, high, kernel, measured.view, gaze_px, tile_px)
     if asked in (GlareLevel.WINDOW, GlareLevel.FRAME):
         change += ROUNDING * range_.high.max()
-    return change.repeat(pool, 1).repeat(pool, 2)[:, : shape[0], : shape[1]]
+    return change
 
 
 def after(measured: Measurement, change: Change, stays: float) -> Range:
@@ -157,9 +153,3 @@ def _rings(kernel: Mixture, tile_px: int) -> list[tuple[int, NDArray[np.float64]
     edges = tuple(tiles * tile_px for tiles in reaches)
     masses = sum(weight * component.rings(edges) for component, weight in kernel)
     return [(tiles, masses[k]) for k, tiles in enumerate(reaches)]
-
-
-def _pooled(values: NDArray[np.float64], pool: int, fold: np.ufunc) -> NDArray[np.float64]:
-    for axis in (1, 2):
-        values = fold.reduceat(values, range(0, values.shape[axis], pool), axis=axis)
-    return values

@@ -1,0 +1,68 @@
+"""What a plan says."""
+
+from __future__ import annotations
+
+import dataclasses
+import enum
+from collections.abc import Iterator
+
+
+class Effect(enum.StrEnum):
+    """The effects, in the order in which they run."""
+
+    ADAPTATION = "adaptation"
+    GLARE = "glare"
+    ACUITY = "acuity"
+    ROD_NOISE = "rod_noise"
+    TONE = "tone"
+    NIGHT_COLOUR = "night_colour"
+    AFTERIMAGE = "afterimage"
+
+
+SKIPPED, OFF = "skipped", "off"
+"""Levels at which an effect does not run: not called for, and switched off in the settings."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Step:
+    """What the plan says of one effect."""
+
+    effect: Effect
+    level: str
+    """How it runs, or `skipped` or `off`."""
+    reason: str
+    """Why, with the measured figures."""
+    bound_code_values: float = 0.0
+    """The most by which doing it so, and not in full, changes any component of any pixel, all else in full."""
+    fading_from: str | None = None
+    """The level before, while the picture still passes from it."""
+    fade: float = 1.0
+    """Weight of `level`; that of `fading_from` is the rest."""
+
+    @property
+    def runs(self) -> bool:
+        """Whether the effect runs at all."""
+        return any(level not in (SKIPPED, OFF) for level in self.weights)
+
+    @property
+    def weights(self) -> dict[str, float]:
+        """The levels to compute and their weights, which add up to 1."""
+        if self.fading_from is None:
+            return {self.level: 1.0}
+        return {self.level: self.fade, self.fading_from: 1 - self.fade}
+
+
+@dataclasses.dataclass(frozen=True)
+class Plan:
+    """A step for each effect, in the order in which they run."""
+
+    steps: tuple[Step, ...]
+    bound_code_values: float = 0.0
+    """The most by which any component of any pixel, before rounding, differs from that of a frame with every effect in
+    full: what is paid for all skips together."""
+
+    def __iter__(self) -> Iterator[Step]:
+        return iter(self.steps)
+
+    def __getitem__(self, effect: Effect) -> Step:
+        return next(step for step in self.steps if step.effect is effect)
