@@ -1,6 +1,7 @@
 """Where perceived frames go.
 
-images.py      single frames: PNG as the display takes them, EXR in absolute luminance
+images.py      single frames: PNG or EXR as the display takes them, EXR in absolute luminance
 video.py       a film
+hdr10.py       what is particular to a film for an HDR10 display
 whole_file.py  a file is there when it is whole
 """

@@ -1,7 +1,12 @@
-"""A film of perceived frames: H.264 in MP4, which every browser plays."""
+"""A film of perceived frames in MP4, as the display takes them.
+
+sRGB and Display P3 are H.264, 8 bits, which every browser plays; HDR10 is HEVC, 10 bits. A linear encoding has no film.
+"""
 
 from __future__ import annotations
 
+import dataclasses
+from collections.abc import Callable
 from fractions import Fraction
 from pathlib import Path
 from types import TracebackType
@@ -9,26 +14,46 @@ from types import TracebackType
 import av
 import numpy as np
 from av.video.reformatter import ColorRange, Colorspace
-from jaxtyping import UInt8
+from jaxtyping import UInt8, UInt16
 
-from pipeline.frame import FrameError
+from pipeline.frame import Display, Encoding, FrameError
+from pipeline.sinks import hdr10
 from pipeline.sinks.whole_file import WholeFile
 
 CRF = "16"
 """x264's constant rate factor: visually without loss, a tenth of the size."""
+HDR10_CRF = "12"
+"""x265's. Engineering choice: PQ's codes are wider apart than 8 bits' in the dark, where an eye at night looks."""
+
+
+@dataclasses.dataclass(frozen=True)
+class _Form:
+    """How frames of one encoding become a stream; colours by their numbers in ITU-T H.273."""
+
+    codec: str
+    options: dict[str, str]
+    pixels: str
+    tag: str
+    dtype: type[np.uint8] | type[np.uint16]
+    primaries: int
+    transfer: int
+    matrix: int
+    picture: Callable[[np.ndarray], av.VideoFrame]
 
 
 class Video:
     """A context that writes one film; it takes its name when it is whole, and vanishes on an error.
 
-    Raises FrameError if the film cannot be written, for a frame of another size, and for a film without a frame.
+    Raises FrameError if the film cannot be written, for a frame of another size or depth, for a film without a frame,
+    and for an encoding that no film has.
 
-    Frames are code values for an sRGB display, of the size given; H.264's 4:2:0 wants even sides, so an odd side
+    Frames are what `encode` gives for the display, one eye's, of the size given; 4:2:0 wants even sides, so an odd side
     repeats its last row or column. The same frames give the same bytes.
     """
 
-    def __init__(self, path: Path, width_px: int, height_px: int, fps: float) -> None:
+    def __init__(self, path: Path, width_px: int, height_px: int, fps: float, display: Display = Display()) -> None:
         self._path = path
+        self._form = _form(display, path)
         self._file = WholeFile(path)
         self._shape = (height_px, width_px, 3)
         self._count = 0
@@ -37,34 +62,31 @@ class Video:
             self._container = av.open(str(self._file.partial), "w", options={"movflags": "+faststart"})
         except (OSError, ValueError) as error:
             raise self._file.failed(str(error)) from None
-        # With x264's macroblock tree, a busy machine gave other bytes for the same frames in 11 of 30 films; without it
-        # in none of 40, at a third more bytes. The number of threads is fixed since the output depends on it.
-        options = {"crf": CRF, "preset": "veryfast", "threads": "2", "x264-params": "mbtree=0"}
         rate = Fraction(fps).limit_denominator(1000)
-        self._stream = self._container.add_stream("libx264", rate=rate, options=options)
+        self._stream = self._container.add_stream(self._form.codec, rate=rate, options=self._form.options)
         self._stream.width, self._stream.height = width_px + width_px % 2, height_px + height_px % 2
-        self._stream.pix_fmt = "yuv420p"
+        self._stream.pix_fmt = self._form.pixels
         context = self._stream.codec_context
-        context.color_primaries = context.colorspace = 1  # BT.709
-        context.color_trc = 13  # sRGB (IEC 61966-2-1)
+        context.color_primaries, context.color_trc = self._form.primaries, self._form.transfer
+        context.colorspace = self._form.matrix
         context.color_range = ColorRange.MPEG.value
+        if self._form.tag:
+            context.codec_tag = self._form.tag
 
     def __enter__(self) -> Video:
         return self
 
-    def write(self, image: UInt8[np.ndarray, "y x 3"]) -> None:
+    def write(self, image: UInt8[np.ndarray, "y x 3"] | UInt16[np.ndarray, "y x 3"]) -> None:
         """Adds one frame."""
         if image.shape != self._shape:
             raise FrameError(f"{self._path}: a frame of shape {image.shape} in a film of {self._shape}")
+        if image.dtype != self._form.dtype:
+            raise FrameError(
+                f"{self._path}: a frame of {image.dtype} in a film of {np.dtype(self._form.dtype)}: encode it for the "
+                "display that the film is made for"
+            )
         padded = np.pad(image, self._pad, mode="edge") if any(after for _, after in self._pad) else image
-        frame = av.VideoFrame.from_ndarray(np.ascontiguousarray(padded), format="rgb24")
-        frame = frame.reformat(
-            format="yuv420p",
-            src_colorspace=Colorspace.ITU709,
-            dst_colorspace=Colorspace.ITU709,
-            dst_color_range=ColorRange.MPEG,
-        )
-        self._encode(frame)
+        self._encode(self._form.picture(np.ascontiguousarray(padded)))
         self._count += 1
 
     def _encode(self, frame: av.VideoFrame | None) -> None:
@@ -96,3 +118,30 @@ class Video:
         except OSError as error:
             if not failed:
                 raise self._file.failed(str(error)) from None
+
+
+def _form(display: Display, path: Path) -> _Form:
+    if display.encoding == Encoding.LINEAR:
+        raise FrameError(f"{path}: a linear encoding has no film; write single frames as EXR, or choose another")
+    if display.encoding == Encoding.HDR10:
+        options = {"crf": HDR10_CRF, "preset": "superfast", "x265-params": hdr10.parameters(display)}
+        # Apple's players know no other tag.
+        return _Form("libx265", options, "yuv420p10le", "hvc1", np.uint16, 9, 16, 9, _ten_bits)
+    # With x264's macroblock tree, a busy machine gave other bytes for the same frames in 11 of 30 films; without it
+    # in none of 40, at a third more bytes. The number of threads is fixed since the output depends on it.
+    options = {"crf": CRF, "preset": "veryfast", "threads": "2", "x264-params": "mbtree=0"}
+    primaries = 12 if display.encoding == Encoding.DISPLAY_P3 else 1  # SMPTE EG 432-1; BT.709
+    return _Form("libx264", options, "yuv420p", "", np.uint8, primaries, 13, 1, _eight_bits)  # 13: sRGB, IEC 61966-2-1
+
+
+def _eight_bits(image: UInt8[np.ndarray, "y x 3"]) -> av.VideoFrame:
+    return av.VideoFrame.from_ndarray(image, format="rgb24").reformat(
+        format="yuv420p",
+        src_colorspace=Colorspace.ITU709,
+        dst_colorspace=Colorspace.ITU709,
+        dst_color_range=ColorRange.MPEG,
+    )
+
+
+def _ten_bits(image: UInt16[np.ndarray, "y x 3"]) -> av.VideoFrame:
+    return av.VideoFrame.from_ndarray(hdr10.planes(image), format="yuv420p10le")

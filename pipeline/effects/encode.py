@@ -1,0 +1,186 @@
+"""From the display's linear light to the code values that make it show it, one function for each Encoding.
+
+A code is looked up, not computed: an encoding is a staircase, and a float32's upper 16 bits name a cell in which it has
+at most one step. So a table with an entry a cell says the code at the cell's start and where in it the next one begins,
+for any transfer function at the price of one look-up: less than half of what a logarithm and an exponential cost.
+
+**sRGB, Display P3** hold shares of the display's range, black removed: code 0 is the display's black. **HDR10** holds
+absolute cd/m²: what lies below the display's black it cannot show, but the code says what is meant. **Linear** is the
+light itself as a share of the peak, for whoever encodes it later. Colours are clipped in the encoding's own primaries:
+what lies outside Rec.709 and inside the display's gamut is kept.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float, UInt8, UInt16
+from numpy.typing import NDArray
+
+from pipeline.frame import Display, Encoding
+
+Primaries = tuple[tuple[float, float], tuple[float, float], tuple[float, float]]
+"""xy of red, green and blue."""
+REC709: Primaries = ((0.640, 0.330), (0.300, 0.600), (0.150, 0.060))
+"""ITU-R BT.709."""
+P3: Primaries = ((0.680, 0.320), (0.265, 0.690), (0.150, 0.060))
+"""SMPTE EG 432-1."""
+REC2020: Primaries = ((0.708, 0.292), (0.170, 0.797), (0.131, 0.046))
+"""ITU-R BT.2020."""
+WHITE = (0.3127, 0.3290)
+"""D65 as all three standards round it."""
+
+PQ_PEAK_CD_M2 = 10000.0
+"""What the last PQ code stands for (SMPTE ST 2084)."""
+PQ_CODES = 1023
+"""HDR10 has 10 bits. All codes are used: full range, as stills have them."""
+_M1, _M2 = 2610 / 16384, 2523 / 4096 * 128
+_C1, _C2, _C3 = 3424 / 4096, 2413 / 4096 * 32, 2392 / 4096 * 32
+"""Exponents and coefficients of ST 2084."""
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Codes:
+    """A transfer function as a staircase over [0, 1]."""
+
+    entries: NDArray[np.int32]
+    """(cell): the code at the cell's start × 2¹⁶, and 2¹⁶ minus the offset at which the next one begins, 0 for none.
+
+    Added to a float's lower 16 bits, the sum's upper bits are the code.
+    """
+    first: int
+    """Upper 16 bits of the first cell's start; what lies below it has the code 0."""
+
+
+def encode(
+    linear: Float[Array, "eye 3 y x"], display: Display
+) -> UInt8[np.ndarray, "eye y x 3"] | Float[np.ndarray, "eye y x 3"] | UInt16[np.ndarray, "eye y x 3"]:
+    """What a display is sent to show `linear`: Rec.709, 1 = the display's peak; what is below 0 or NaN shows black.
+
+    uint8 for sRGB and Display P3; uint16 of 0 to 1023 for HDR10; float32 of 0 to 1 for linear.
+    """
+    black_share = display.black_cd_m2 / display.peak_cd_m2
+    if display.encoding == Encoding.LINEAR:
+        return np.asarray(_shares(linear))
+    if display.encoding == Encoding.HDR10:
+        scale = np.float32(display.peak_cd_m2 / PQ_PEAK_CD_M2)
+        return np.asarray(_look_up(linear, 0.0, scale, _between(REC2020), *_table(Encoding.HDR10), depth=jnp.uint16))
+    if display.encoding == Encoding.DISPLAY_P3:
+        table = _table(Encoding.DISPLAY_P3)
+        return np.asarray(_look_up(linear, black_share, np.float32(1), _between(P3), *table, depth=jnp.uint8))
+    return np.asarray(srgb_codes(linear, black_share))
+
+
+def srgb_codes(linear: Float[Array, "eye 3 y x"], black_share: float) -> UInt8[Array, "eye y x 3"]:
+    """Code values for a display with the sRGB transfer function whose black is `black_share` of its peak."""
+    return _look_up(linear, black_share, np.float32(1), None, *_table(Encoding.SRGB), depth=jnp.uint8)
+
+
+def matrix(source: Primaries, target: Primaries) -> NDArray[np.float64]:
+    """What takes linear RGB of one set of primaries to another, both with D65 white: (target, source)."""
+    return np.asarray(np.linalg.solve(_to_xyz(target), _to_xyz(source)))
+
+
+def pq_cd_m2(signal: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Luminance of a PQ signal in [0, 1] (ST 2084, the EOTF)."""
+    power = signal ** (1 / _M2)
+    return np.asarray(PQ_PEAK_CD_M2 * (np.maximum(power - _C1, 0) / (_C2 - _C3 * power)) ** (1 / _M1))
+
+
+def staircase(steps: NDArray[np.float32]) -> Codes:
+    """A table from the least float32 of each code from 1 on, ascending, within (0, 1].
+
+    Raises ValueError where two lie in one cell.
+    """
+    bits = steps.view(np.uint32)
+    # A whole power of two below the first step.
+    first = int(bits[0] >> 23) << 7
+    starts = np.arange(first, (int(np.float32(1).view(np.uint32)) >> 16) + 1, dtype=np.uint32) << np.uint32(16)
+    code = np.searchsorted(bits, starts, side="right")
+    after = np.searchsorted(bits, starts + np.uint32(0xFFFF), side="right")
+    if (after - code).max() > 1:
+        raise ValueError("two code values within 2⁻⁷ of an octave: the table's cells are too wide")
+    step = np.where(after > code, bits[np.minimum(code, len(bits) - 1)] & np.uint32(0xFFFF), 0x10000)
+    return Codes(((code << 16) + 0x10000 - step).astype(np.int32), first)
+
+
+@functools.partial(jax.jit, static_argnames="depth")
+def _look_up(
+    linear: Float[Array, "eye 3 y x"],
+    black_share: float | Array,
+    scale: Array | np.float32,
+    primaries: Float[Array, "3 3"] | None,
+    entries: Array,
+    first: Array,
+    depth: type[jnp.uint8] | type[jnp.uint16],
+) -> Array:
+    if primaries is not None:
+        # Written out: a matrix product of three by three costs more than these nine.
+        linear = jnp.stack(
+            [sum(primaries[k, j] * linear[:, j] for j in range(3)) for k in range(3)],  # type: ignore[misc]
+            axis=1,
+        )
+    black = jnp.float32(black_share)
+    shown = (linear - black) / (1 - black) * scale
+    lowest = jax.lax.bitcast_convert_type(first << 16, jnp.float32)
+    # The comparison is false for NaN, which `maximum` would hand on.
+    shown = jnp.minimum(jnp.where(shown > lowest, shown, lowest), 1)
+    bits = jax.lax.bitcast_convert_type(shown, jnp.int32)
+    entry = entries.at[(bits >> 16) - first].get(mode="promise_in_bounds")
+    return ((entry + (bits & 0xFFFF)) >> 16).astype(depth).transpose(0, 2, 3, 1)
+
+
+@jax.jit
+def _shares(linear: Float[Array, "eye 3 y x"]) -> Float[Array, "eye y x 3"]:
+    return jnp.minimum(jnp.where(linear > 0, linear, 0), 1).transpose(0, 2, 3, 1)
+
+
+@functools.cache
+def _table(encoding: Encoding) -> tuple[Array, Array]:
+    if encoding == Encoding.HDR10:
+        steps = pq_cd_m2((np.arange(1, PQ_CODES + 1) - 0.5) / PQ_CODES) / PQ_PEAK_CD_M2
+        least = steps.astype(np.float32)
+        codes = staircase(np.where(least < steps, np.nextafter(least, np.float32(1)), least).astype(np.float32))
+    else:
+        codes = staircase(_srgb_steps())
+    return jnp.asarray(codes.entries), jnp.asarray(codes.first, jnp.int32)
+
+
+@functools.cache
+def _between(target: Primaries) -> Float[Array, "3 3"]:
+    return jnp.asarray(matrix(REC709, target), jnp.float32)
+
+
+def _srgb_steps() -> NDArray[np.float32]:
+    """The least float32 of each code by the formula below: by halving intervals of bit patterns."""
+    code = np.arange(1, 256)
+    low, high = np.zeros(255, np.int32), np.full(255, np.float32(1).view(np.int32))
+    while (high - low).max() > 1:
+        middle = (low + (high - low) // 2).astype(np.int32)
+        reached = np.asarray(_srgb_formula(jnp.asarray(middle.view(np.float32)))) >= code
+        low, high = np.where(reached, low, middle), np.where(reached, middle, high)
+    return high.astype(np.int32).view(np.float32)
+
+
+@jax.jit
+def _srgb_formula(shown: Float[Array, "..."]) -> UInt8[Array, "..."]:
+    """Codes of values in [0, 1] (IEC 61966-2-1), power by exp and log in float32.
+
+    The table is made of it, not of the formula in float64, since frames were encoded by it before there was a table:
+    they keep their bytes. The other would differ in one code value of 100,000, by one.
+    """
+    root = jnp.exp(jnp.log(jnp.maximum(shown, np.float32(1e-8))) * np.float32(1 / 2.4))
+    power = np.float32(1.055) * root - np.float32(0.055)
+    encoded = jnp.where(shown <= np.float32(0.0031308), np.float32(12.92) * shown, power)
+    return jnp.round(encoded * 255).astype(jnp.uint8)
+
+
+def _to_xyz(primaries: Primaries) -> NDArray[np.float64]:
+    """(XYZ, RGB), white at Y = 1 (SMPTE RP 177)."""
+    columns = np.array([[x / y, 1, (1 - x - y) / y] for x, y in primaries]).T
+    white = np.array([WHITE[0] / WHITE[1], 1, (1 - sum(WHITE)) / WHITE[1]])
+    return np.asarray(columns * np.linalg.solve(columns, white))
