@@ -44,6 +44,8 @@ def parameters(display: Display) -> str:
             "colorprim=9:transfer=16:colormatrix=9:range=limited:chromaloc=2",
             "hdr10=1:repeat-headers=1:hdr10-opt=1",
             f"master-display={volume}:max-cll={round(peak)},0",
+            # A film of one or two frames has no time stamps with B-frames: x265 4.2 leaves them unset.
+            "bframes=0",
             # The output must not depend on how busy the machine is.
             "frame-threads=1:pools=2:log-level=error",
         )

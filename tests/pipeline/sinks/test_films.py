@@ -104,6 +104,14 @@ def test_same_frames_same_bytes(tmp_path: Path) -> None:
     assert (tmp_path / "a.mp4").read_bytes() == (tmp_path / "b.mp4").read_bytes()
 
 
+@pytest.mark.parametrize("count", [1, 2, 3])
+def test_the_shortest_films_are_whole(tmp_path: Path, count: int) -> None:
+    for attempt in range(5):
+        path = film(tmp_path / f"{attempt}.mp4", HDR10, COLOURS[:count])
+        with av.open(str(path)) as container:
+            assert len(list(container.decode(video=0))) == count
+
+
 def test_odd_sides_repeat_their_last_row_and_column(tmp_path: Path) -> None:
     image = np.zeros((33, 21, 3), np.uint16)
     image[-1], image[:, -1] = 1023, 1023
