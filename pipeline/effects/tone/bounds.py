@@ -32,10 +32,12 @@ def passed_on(
     """How much the display may change where the scene changes by `change` cd/m², both within `range_` widened by it."""
     numbers = coefficients(adapted_cd_m2, target_cd_m2, settings, display)
     if _each_component(settings):
-        step = change[:3] * numbers[0]
-        low = np.maximum(range_.low[:3] * numbers[0] - step, 0)
-        high = range_.high[:3] * numbers[0] + step
-        return _with_luminance(np.minimum(step * filmic.steepest(low, high), 1))
+        step, low, high = (values[:3] * numbers[0] for values in (change, range_.low, range_.high))
+        low -= step
+        np.maximum(low, 0, out=low)
+        high += step
+        step *= filmic.steepest(low, high)
+        return _with_luminance(np.minimum(step, 1, out=step))
     range_ = range_.widened(change)
     step = _mapped_change(change, range_, settings, numbers)
     return _with_luminance(change_within(step, *_mapped(range_, settings, numbers), settings.hue))
@@ -46,7 +48,16 @@ def _each_component(settings: Tone) -> bool:
 
 
 def _filmic(x: Tiles) -> Tiles:
-    return np.minimum(filmic.curve(np.minimum(x, filmic.FLAT)), 1)
+    x = np.minimum(x, filmic.FLAT)
+    bottom = 2.43 * x
+    bottom += 0.59
+    bottom *= x
+    bottom += 0.14
+    top = 2.51 * x
+    top += 0.03
+    top *= x
+    top /= bottom
+    return np.minimum(top, 1, out=top)
 
 
 def _mapped(range_: Range, settings: Tone, numbers: tuple[float, ...]) -> tuple[Tiles, Tiles]:
@@ -101,4 +112,7 @@ def _luminances(range_: Range) -> tuple[Tiles, Tiles]:
 
 def _with_luminance(rgb: Tiles) -> Tiles:
     """Three components and the luminance they make together."""
-    return np.concatenate([rgb, np.tensordot(WEIGHTS, rgb, 1)[None]])
+    both = np.empty((4, *rgb.shape[1:]))
+    both[:3] = rgb
+    np.matmul(WEIGHTS, rgb.reshape(3, -1), out=both[3].reshape(-1))
+    return both

@@ -8,7 +8,7 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.effects.tone.seen import black_share, seen_peak_cd_m2
+from pipeline.effects.tone.seen import black_share
 from pipeline.frame import Display, Encoding
 from pipeline.ranges import Change, Range
 
@@ -20,34 +20,46 @@ def code_values(change: Change, shown_: Range, display: Display) -> NDArray[np.f
     Of 255 for 8 bits, of 1023 for HDR10; for a linear output, which has no code values, of 255 as sRGB.
     """
     primaries, transfer, codes = _encoding_of(display)
-    step = np.einsum("oi,iyx->oyx", primaries, change[:3])
-    low = np.einsum("oi,iyx->oyx", primaries, shown_.low[:3]) - step
+    step, low = change[:3], shown_.low[:3]
+    if primaries is not None:
+        step, low = np.tensordot(primaries, step, 1), np.tensordot(primaries, low, 1)
     black = black_share(display)
-    step, low = step / (1 - black), np.clip((low - black) / (1 - black), 0, 1)
-    return np.asarray(codes * (transfer(np.minimum(low + step, 1)) - transfer(low)).max(0))
+    low = low - (step + black)
+    step = step / (1 - black)
+    low /= 1 - black
+    np.maximum(low, 0, out=low)
+    step += low
+    shows = transfer(np.minimum(step, 1, out=step))
+    shows -= transfer(np.minimum(low, 1, out=low))
+    return np.asarray(codes * shows.max(0))
 
 
-def _srgb(u: NDArray[np.float64]) -> NDArray[np.float64]:
-    return np.where(u <= 0.0031308, 12.92 * u, 1.055 * np.maximum(u, 0.0031308) ** (1 / 2.4) - 0.055)
+def _srgb(share: NDArray[np.float64]) -> NDArray[np.float64]:
+    power = np.log(np.maximum(share, 1e-30))
+    power /= 2.4
+    np.exp(power, out=power)
+    power *= 1.055
+    power -= 0.055
+    return np.where(share <= 0.0031308, 12.92 * share, power)
 
 
-def _pq(peak_cd_m2: float, u: NDArray[np.float64]) -> NDArray[np.float64]:
+def _pq(peak_cd_m2: float, share: NDArray[np.float64]) -> NDArray[np.float64]:
     """SMPTE ST 2084 of a share of the peak."""
-    power = (u * (peak_cd_m2 / 1e4)) ** (2610 / 16384)
+    power = (share * (peak_cd_m2 / 1e4)) ** (2610 / 16384)
     return np.asarray(((3424 + 2413 * 32 * power) / (4096 + 2392 * 32 * power)) ** (2523 / 32))
 
 
 def _encoding_of(
     display: Display,
-) -> tuple[NDArray[np.float64], Callable[[NDArray[np.float64]], NDArray[np.float64]], int]:
-    """From Rec.709 to the display's primaries, its transfer function, and its largest code value."""
+) -> tuple[NDArray[np.float64] | None, Callable[[NDArray[np.float64]], NDArray[np.float64]], int]:
+    """From Rec.709 to the display's primaries (None: they are the same), its transfer function, its last code."""
     match display.encoding:
         case Encoding.DISPLAY_P3:
             return _primaries("Display P3"), _srgb, 255
         case Encoding.HDR10:
-            return _primaries("ITU-R BT.2020"), functools.partial(_pq, seen_peak_cd_m2(display)), 1023
+            return _primaries("ITU-R BT.2020"), functools.partial(_pq, display.peak_cd_m2), 1023
         case Encoding.SRGB | Encoding.LINEAR:
-            return np.eye(3), _srgb, 255
+            return None, _srgb, 255
 
 
 @functools.cache

@@ -38,7 +38,9 @@ def gain(y: Float[Array, "eye y x"], scale: Float[Array, "eye 1 1"], bend: Float
     return scale * (1 + exposed * bend) / (1 + exposed)
 
 
-def gains(low: NDArray[np.float64], high: NDArray[np.float64], scale: float, bend: float) -> tuple[NDArray, NDArray]:
+def gains(
+    low: NDArray[np.float64], high: NDArray[np.float64], scale: float, bend: float
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """The least and the largest gain between two luminances: it goes one way only."""
     ends = [scale * (1 + scale * bend * y) / (1 + scale * y) for y in (low, high)]
     return np.minimum(*ends), np.maximum(*ends)

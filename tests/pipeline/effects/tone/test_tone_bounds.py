@@ -128,7 +128,7 @@ def encoded(linear: np.ndarray, display: Display) -> np.ndarray:
     wide = "ITU-R BT.2020" if hdr else "Display P3"
     matrix = colour.matrix_RGB_to_RGB(colour.RGB_COLOURSPACES["ITU-R BT.709"], colour.RGB_COLOURSPACES[wide])
     if hdr:
-        light = np.einsum("oi,iyx->oyx", matrix, share) * tone.seen_peak_cd_m2(display)
+        light = np.einsum("oi,iyx->oyx", matrix, share) * display.peak_cd_m2
         return 1023 * np.asarray(colour.models.eotf_inverse_ST2084(light))
     return 255 * np.asarray(colour.models.eotf_inverse_sRGB(np.einsum("oi,iyx->oyx", matrix, share)))
 
@@ -144,8 +144,7 @@ def test_a_small_change_of_an_even_tile_is_bounded_within_a_few_times_what_it_do
     actual = change_of(shown_frame(rgb, *state), shown_frame(after, *state))
     said = tone.passed_on(change_of(rgb, after), range_of(rgb), *state)
     sharp = operator is Operator.WARD or (operator, hue) == (Operator.ACES, Hue.CLIP)
-    print(operator, hue, (said/actual).max())
-    assert np.all(said <= actual * (1.03 if sharp else 8))
+    assert np.all(said <= actual * (1.03 if sharp else 4))
 
 
 def test_no_change_stays_none() -> None:
