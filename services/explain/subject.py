@@ -1,0 +1,129 @@
+"""What is explained: a frame, the eyes before it and the settings, from an image file or a session's key frame."""
+
+from __future__ import annotations
+
+import csv
+import dataclasses
+import json
+import math
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import msgspec
+import numpy as np
+
+from pipeline import Frame, FrameError, Light, Looking, View
+from pipeline.scenes import Head, image_file, open_scene
+from services.settings import Settings
+from tracker_bridge.wire import Eye
+
+PLAN, KEY_FRAMES = "plan.csv", "key_frames/key_frames.json"
+ADAPTED = "_adapted_cd_m2"
+"""End of plan.csv's columns of what each eye is adapted to, behind its name."""
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Subject:
+    """A frame and all that decides how it is perceived."""
+
+    title: str
+    frame: Frame
+    looking: tuple[Looking, ...]
+    """Of each eye."""
+    settings: Settings
+    adapted_cd_m2: tuple[float, ...] | None = None
+    """Of each eye; None: to this frame."""
+    t_s: float | None = None
+    """Of a session's frame: when it was."""
+    notes: tuple[str, ...] = ()
+
+
+def from_image(
+    image: str,
+    settings: Settings,
+    looking: Looking,
+    adapted_cd_m2: float | None,
+    fov_deg: float,
+    mean_luminance_cd_m2: float | None,
+    size_px: tuple[int | None, int | None],
+    lights: tuple[Light, ...],
+) -> Subject:
+    """An image, or the first frame of a scene, before one eye. Raises FrameError."""
+    scene = open_scene(image, mean_luminance_cd_m2=mean_luminance_cd_m2)
+    frame = scene.frame(0.0, scene.view_for(*size_px, fov_deg), Head(), (Eye.LEFT,))
+    return Subject(
+        scene.name,
+        dataclasses.replace(frame, lights=lights),
+        (looking,),
+        settings,
+        None if adapted_cd_m2 is None else (adapted_cd_m2,),
+        notes=tuple(scene.notes),
+    )
+
+
+def is_session(target: str) -> bool:
+    """Whether that is a folder that a session left."""
+    return (Path(target) / PLAN).is_file()
+
+
+def from_session(folder: Path, frame_number: int | None, settings: Settings | None) -> Subject:
+    """A key frame of a session: the one nearest to `frame_number`, the middle one unless given.
+
+    Adapted luminance, pupils and gaze are those of that frame; settings those of the session unless given. Raises
+    FrameError where the folder lacks something.
+    """
+    number = _key_frame(folder, frame_number)
+    summary = _json(folder / "summary.json")
+    row = _row(folder / PLAN, number)
+    # In the order of the columns: as the eyes' images lie side by side.
+    eyes = tuple(name.removesuffix(ADAPTED) for name in row if name.endswith(ADAPTED))
+    path = folder / "key_frames" / f"{number:06d}_scene.exr"
+    if not path.is_file():
+        raise FrameError(f"{path}: the session kept no scene of this frame; render it anew: entoptic session")
+    fov_deg = float(summary["view"]["fov_deg"])
+    # Both eyes' images lie side by side.
+    images = np.stack(np.split(image_file.read(path).rgb, len(eyes), axis=2))
+    frame = Frame.from_rgb(images, fov_deg)
+    try:
+        used = settings or msgspec.convert(summary.get("perception", {}), Settings)
+    except msgspec.ValidationError as error:
+        raise FrameError(f"{folder / 'summary.json'}: {error}; give --settings") from None
+    return Subject(
+        f"{folder.name}, frame {number} at {float(row['t_s']):.2f} s",
+        frame,
+        tuple(_looking(row, eye, frame.view) for eye in eyes),
+        used,
+        tuple(float(row[eye + ADAPTED]) for eye in eyes),
+        float(row["t_s"]),
+    )
+
+
+def _key_frame(folder: Path, wanted: int | None) -> int:
+    kept = [int(each["frame"]) for each in _json(folder / KEY_FRAMES)]
+    if not kept:
+        raise FrameError(f"{folder / KEY_FRAMES} names no frame; render the session anew: entoptic session")
+    return kept[len(kept) // 2] if wanted is None else min(kept, key=lambda number: abs(number - wanted))
+
+
+def _json(path: Path) -> Any:
+    try:
+        return json.loads(path.read_bytes())
+    except (OSError, ValueError) as error:
+        raise FrameError(f"{path} cannot be read ({error}); is this a folder of entoptic session?") from None
+
+
+def _row(path: Path, number: int) -> Mapping[str, str]:
+    with path.open(newline="", encoding="utf-8") as stream:
+        for row in csv.DictReader(stream):
+            if int(row["frame"]) == number:
+                return row
+    raise FrameError(f"{path} has no frame {number}; is the session whole?")
+
+
+def _looking(row: Mapping[str, str], name: str, view: View) -> Looking:
+    right = (float(row[f"{name}_gaze_x_px"]) - view.width_px / 2) / view.focal_px
+    up = (view.height_px / 2 - float(row[f"{name}_gaze_y_px"])) / view.focal_px
+    azimuth = math.atan(right)
+    elevation = math.atan(up * math.cos(azimuth))
+    return Looking(math.degrees(azimuth), math.degrees(elevation), float(row[f"{name}_pupil_mm"]))

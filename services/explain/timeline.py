@@ -1,0 +1,80 @@
+"""A session's plan over its time: which level each effect had when, why it changed, and what it took."""
+
+from __future__ import annotations
+
+import csv
+import dataclasses
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline import FrameError
+
+LEVEL, REASON, MS = "_level", "_reason", "_ms"
+"""Ends of plan.csv's columns."""
+NOT_A_FRAMES_WORK = frozenset({"total", "scene"})
+"""Times that are no part of perceiving: their sum, and making the scene."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Span:
+    """An effect's level, from one frame to another."""
+
+    effect: str
+    level: str
+    begin_s: float
+    end_s: float
+    reason: str
+    """Of its first frame."""
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Timeline:
+    """All frames of a session."""
+
+    t_s: NDArray[np.float64]
+    spans: tuple[Span, ...]
+    """By effect in the order in which they run, then by time."""
+    ms: dict[str, NDArray[np.float64]]
+    """Time of each part in each frame."""
+
+    @property
+    def effects(self) -> tuple[str, ...]:
+        """In the order in which they run."""
+        return tuple(dict.fromkeys(span.effect for span in self.spans))
+
+    @property
+    def changes(self) -> tuple[Span, ...]:
+        """The levels that followed on another, by time."""
+        first = {effect: next(span for span in self.spans if span.effect == effect) for effect in self.effects}
+        return tuple(sorted((span for span in self.spans if span is not first[span.effect]), key=lambda s: s.begin_s))
+
+
+def read(path: Path) -> Timeline:
+    """From a session's plan.csv. Raises FrameError if it holds no frame."""
+    with path.open(newline="", encoding="utf-8") as stream:
+        rows = list(csv.DictReader(stream))
+    if not rows:
+        raise FrameError(f"{path} holds no frame; render the session anew: entoptic session")
+    t_s = np.array([float(row["t_s"]) for row in rows])
+    step_s = float(np.median(np.diff(t_s))) if t_s.size > 1 else 1.0
+    ends_s = np.append(t_s[1:], t_s[-1] + step_s)
+    effects = [name.removesuffix(LEVEL) for name in rows[0] if name.endswith(LEVEL)]
+    parts = [name.removesuffix(MS) for name in rows[0] if name.endswith(MS)]
+    return Timeline(
+        t_s,
+        tuple(span for effect in effects for span in _spans(effect, rows, t_s, ends_s)),
+        {part: np.array([float(row[part + MS]) for row in rows]) for part in parts if part not in NOT_A_FRAMES_WORK},
+    )
+
+
+def _spans(
+    effect: str, rows: list[dict[str, str]], t_s: NDArray[np.float64], ends_s: NDArray[np.float64]
+) -> list[Span]:
+    levels = [row[effect + LEVEL] for row in rows]
+    begins = [k for k in range(len(rows)) if k == 0 or levels[k] != levels[k - 1]]
+    return [
+        Span(effect, levels[k], float(t_s[k]), float(ends_s[end - 1]), rows[k][effect + REASON])
+        for k, end in zip(begins, [*begins[1:], len(rows)], strict=True)
+    ]

@@ -1,0 +1,166 @@
+"""The frame in its variants, the page and the command."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import OpenImageIO as oiio
+import pytest
+import typer
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra import numpy as arrays
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure, SubFigure
+from matplotlib.text import Text
+from typer.testing import CliRunner
+
+from pipeline import Frame, FrameError, Looking, perceive, render
+from pipeline.plan import Effect
+from pipeline.sinks.images import write_exr
+from services.commands.explain import explain as command
+from services.explain import page, panels, plan_panels, timeline
+from services.explain.subject import Subject
+from services.explain.variants import Explained, Touch, code_values, explain, variants
+from services.settings import Settings
+
+
+class TestVariants:
+    def test_the_plan_is_what_perceiving_gives(self, subject: Subject, explained: Explained) -> None:
+        bare = perceive(subject.frame, subject.looking, state=render.RenderState((0.3,)), glare=subject.settings.glare)
+        np.testing.assert_array_equal(explained.planned.image, bare.image)
+        assert [step.level for step in explained.planned.plan] == [step.level for step in bare.plan]
+
+    def test_acuity_touches_the_dark_stripes_alone(self, explained: Explained) -> None:
+        change = explained.touched[Effect.ACUITY].change[0]
+        assert (change[:, 27:-3] >= 1).mean() > 0.5
+        assert (change[:, :20] == 0).all()
+
+    def test_glare_is_full_around_the_lamp_and_planned_is_not(self, explained: Explained) -> None:
+        """The lamp's own light within 4.5° is beyond a veil."""
+        around = explained.difference[0, 7:15, 5:13]
+        assert around.max() > 20
+        assert explained.touched[Effect.GLARE].largest > 0
+
+    def test_the_difference_is_of_the_channel_that_differs_most(self, explained: Explained) -> None:
+        apart = code_values(explained.full) - code_values(explained.planned)
+        assert (np.abs(explained.difference) == np.abs(apart).max(-1)).all()
+        assert np.isclose(apart, explained.difference[..., None]).any(-1).all()
+
+    def test_where_everything_is_on_nothing_differs(self) -> None:
+        frame = Frame.from_rgb(np.full((48, 40, 3), 0.01, np.float32), 60.0)
+        told: list[int] = []
+        found = explain(Subject("dark", frame, (Looking(),), Settings(), (0.01,)), lambda: told.append(1))
+        assert len(told) == variants()
+        assert {Effect.ACUITY, Effect.NIGHT_COLOUR} <= set(found.touched)
+        assert found.touched[Effect.NIGHT_COLOUR].share > 0.9
+        assert not {Effect.TONE, Effect.ADAPTATION} & set(found.touched)
+
+    def test_a_touch_counts_whole_code_values(self) -> None:
+        touch = Touch(np.array([[[0.0, 0.4], [1.0, 7.0]]]))
+        assert (touch.largest, touch.share) == (7.0, 0.5)
+
+
+@given(
+    arrays.arrays(np.float64, st.tuples(st.integers(1, 23), st.integers(1, 23)), elements=st.floats(-300, 300)),
+    st.integers(1, 23),
+)
+def test_of_a_reduced_image_the_greatest_remain(image: np.ndarray, longer_px: int) -> None:
+    small = panels.extreme(image, longer_px)
+    block = -(-max(image.shape) // longer_px)
+    assert max(small.shape) <= longer_px
+    for row in range(small.shape[0]):
+        for column in range(small.shape[1]):
+            part = image[row * block : (row + 1) * block, column * block : (column + 1) * block]
+            assert abs(small[row, column]) == np.abs(part).max()
+            assert small[row, column] in part
+
+
+def texts(figure: Figure | SubFigure) -> list[str]:
+    return [text.get_text() for text in figure.findobj(Text) if text.get_text()]
+
+
+@pytest.fixture
+def drawn(monkeypatch: pytest.MonkeyPatch) -> list[Figure]:
+    figures: list[Figure] = []
+    save = Figure.savefig
+    monkeypatch.setattr(Figure, "savefig", lambda figure, *a, **k: (figures.append(figure), save(figure, *a, **k)))
+    return figures
+
+
+class TestPage:
+    def test_it_says_all_that_was_planned_and_measured(
+        self, tmp_path: Path, subject: Subject, explained: Explained, drawn: list[Figure]
+    ) -> None:
+        page.write(tmp_path / "page.png", subject, explained)
+        said = " ".join(texts(drawn[0]))
+        for step in explained.planned.plan:
+            assert step.effect.value.replace("_", " ") in said
+            assert all(word in said for word in step.reason.split())
+        for touch in explained.touched.values():
+            assert f"{touch.share:.1%} of pixels, by {touch.largest:.0f} at most" in said
+        assert f"{np.abs(explained.difference).max():.0f} at most" in said
+        image = oiio.ImageBuf(str(tmp_path / "page.png")).spec()
+        assert image.width == page.WIDTH_IN * page.DPI
+        assert image.height < 3000
+
+    def test_nothing_is_written_beyond_its_edges(
+        self, tmp_path: Path, subject: Subject, explained: Explained, drawn: list[Figure]
+    ) -> None:
+        page.write(tmp_path / "page.png", subject, explained)
+        renderer = FigureCanvasAgg(drawn[0]).get_renderer()
+        for text in drawn[0].findobj(Text):
+            if text.get_text() and text.get_visible():
+                box = text.get_window_extent(renderer)
+                assert box.x1 <= page.WIDTH_IN * page.DPI + 1, text.get_text()
+
+    def test_a_frame_without_any_light_can_be_drawn(self, tmp_path: Path) -> None:
+        frame = Frame.from_rgb(np.zeros((48, 40, 3), np.float32), 60.0)
+        subject = Subject("black", frame, (Looking(),), Settings())
+        page.write(tmp_path / "page.png", subject, explain(subject))
+        assert (tmp_path / "page.png").stat().st_size > 5000
+
+    def test_a_session_has_its_levels_its_times_and_why_they_changed(
+        self, tmp_path: Path, session: Path, subject: Subject, explained: Explained, drawn: list[Figure]
+    ) -> None:
+        page.write(tmp_path / "page.png", subject, explained, timeline.read(session / "plan.csv"))
+        said = texts(drawn[0])
+        assert {"0.40 s", "acuity → skipped", "why acuity at 4", "0.80 s", "acuity → on"} <= set(said)
+        assert "level of each effect" in said
+
+    def test_long_reasons_take_more_lines(self) -> None:
+        entry = plan_panels.Entry("glare", "window", "", "", "", "word " * 60)
+        assert plan_panels.table_lines([entry]) == 1 + 3
+
+    @pytest.mark.parametrize(("name", "message"), [("a.jpg", r"name it .*a\.png"), ("no/a.png", "there is no folder")])
+    def test_a_path_that_cannot_be_is_refused(self, tmp_path: Path, name: str, message: str) -> None:
+        with pytest.raises(FrameError, match=message):
+            page.refuse_unwritable(tmp_path / name)
+
+
+class TestCommand:
+    @staticmethod
+    def run(*arguments: str) -> object:
+        app = typer.Typer()
+        app.command()(command)
+        result = CliRunner().invoke(app, arguments)
+        if result.exception is not None and not isinstance(result.exception, SystemExit):
+            raise result.exception
+        assert result.exit_code == 0, result.output
+        return result
+
+    def test_an_image(self, tmp_path: Path, lamp: np.ndarray) -> None:
+        write_exr(tmp_path / "lamp.exr", lamp)
+        out = tmp_path / "out.png"
+        self.run(str(tmp_path / "lamp.exr"), "--gaze", "3,-2", "--adaptation", "0.3", "--fov", "60", "-o", str(out))
+        assert oiio.ImageBuf(str(out)).spec().width == 1700
+
+    def test_a_session(self, session: Path, tmp_path: Path) -> None:
+        out = tmp_path / "out.png"
+        self.run(str(session), "--frame", "2", "-o", str(out))
+        assert oiio.ImageBuf(str(out)).spec().height > 1000
+
+    def test_a_frame_number_needs_a_session(self, tmp_path: Path) -> None:
+        with pytest.raises(FrameError, match="--frame 3: night-street is no session"):
+            self.run("night-street", "--frame", "3", "-o", str(tmp_path / "out.png"))
