@@ -53,7 +53,7 @@ def test_a_step_of_light_adapts_without_oscillation(before: float, after: float,
     assert shown[-1] == pytest.approx(fresh, rel=0.02)
 
 
-@pytest.mark.parametrize("dt_s", [0.0, -0.0, -1e-9, -1.0, -1e300, -math.inf])
+@pytest.mark.parametrize("dt_s", [0.0, -0.0, -1e-9, -1.0, -1e300, -math.inf, math.nan])
 def test_time_that_stands_still_or_goes_backwards_changes_nothing(dt_s: float) -> None:
     state = RenderState((0.2,))
     still = see(textured(50.0), state=state)
