@@ -124,7 +124,7 @@ def _form(display: Display, path: Path) -> _Form:
     if display.encoding == Encoding.LINEAR:
         raise FrameError(f"{path}: a linear encoding has no film; write single frames as EXR, or choose another")
     if display.encoding == Encoding.HDR10:
-        options = {"crf": HDR10_CRF, "preset": "superfast", "x265-params": hdr10.parameters(display)}
+        options = {"crf": HDR10_CRF, "preset": "ultrafast", "x265-params": hdr10.parameters(display)}
         # Apple's players know no other tag.
         return _Form("libx265", options, "yuv420p10le", "hvc1", np.uint16, 9, 16, 9, _ten_bits)
     # With x264's macroblock tree, a busy machine gave other bytes for the same frames in 11 of 30 films; without it

@@ -1,0 +1,65 @@
+"""How much afterimages may change of a displayed frame, and of a change that came before them.
+
+What is shown is (1 − s)·T·d + s: d the frame's RGB, s the eye's own light, T = I + Σ (what cone c sees more)·(its
+colour in RGB)·(its catch). What all cones see more or less, m, changes no colour, and only what each differs from that
+by needs the cones' matrices: |T·d − d| ≤ |m|·d + Σ |d_c|·|to RGB|·|catch|. All of it is bilinear between nodes, so over
+a tile it is no more than at the nodes that its pixels lie between.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.effects.afterimage import geometry
+from pipeline.effects.afterimage.retina import Retina, cone_matrix
+from pipeline.effects.afterimage.seen import seen
+from pipeline.frame import LUMINANCE_WEIGHTS, View
+from pipeline.ranges import Change, Range
+
+
+def skipped(range_: Range, retina: Retina, view: View, gaze_px: tuple[float, float]) -> Change:
+    """The most that leaving afterimages out changes any pixel of each tile."""
+    alike, apart, light = _over_tiles(range_, retina, view, gaze_px)
+    low, high = range_.low[:3], range_.high[:3]
+    less = _changed(high, alike, apart)
+    rgb = less + light * np.maximum(np.abs(1 - low), np.abs(1 - high))
+    return _with_luminance(rgb)
+
+
+def passed_on(change: Change, range_: Range, retina: Retina, view: View, gaze_px: tuple[float, float]) -> Change:
+    """What becomes of a change that came before them. They are linear in the frame, so its range does not matter."""
+    alike, apart, _ = _over_tiles(range_, retina, view, gaze_px)
+    return _with_luminance(change[:3] + _changed(change[:3], alike, apart))
+
+
+def _changed(rgb: NDArray[np.float64], alike: NDArray[np.float64], apart: NDArray[np.float64]) -> NDArray[np.float64]:
+    """|T·d − d| at most, for |d| ≤ rgb."""
+    cones = cone_matrix()
+    catches = np.einsum("cj,jyx->cyx", np.abs(cones), rgb)
+    return np.asarray(alike * rgb + np.einsum("kc,cyx->kyx", np.abs(np.linalg.inv(cones)), apart * catches))
+
+
+def _with_luminance(rgb: NDArray[np.float64]) -> Change:
+    y = np.einsum("k,kyx->yx", np.array(LUMINANCE_WEIGHTS), rgb)
+    return np.concatenate([rgb, y[None]])
+
+
+def _over_tiles(
+    range_: Range, retina: Retina, view: View, gaze_px: tuple[float, float]
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    """The largest |m|, |d_c| and s of each tile: (1 or 3, rows, columns)."""
+    layer = seen(retina, view, gaze_px)
+    change = np.asarray(layer.change, np.float64)
+    alike = change.mean(0, keepdims=True)
+    values = np.concatenate([np.abs(alike), np.abs(change - alike), np.asarray(layer.light, np.float64)])
+    side, size = geometry.node_px(view), (view.height_px, view.width_px)
+    for axis in (1, 2):
+        last = values.shape[axis] - 1
+        tiles = []
+        for begin in range(0, size[axis - 1], range_.tile_px):
+            end = min(begin + range_.tile_px, size[axis - 1])
+            nodes = slice(max(begin // side - 1, 0), min((end - 1) // side + 1, last) + 1)
+            tiles.append(values.take(range(*nodes.indices(last + 1)), axis).max(axis))
+        values = np.stack(tiles, axis)
+    return values[:1], values[1:4], values[4:]
