@@ -1,4 +1,4 @@
-"""From scene luminance to the display's, and the display's encoding.
+"""From scene luminance to the display's.
 
 settings.py  which operator, and what becomes of colours beyond the display's
 show.py      the one entry: a frame in cd/m² as the display shows it
@@ -8,12 +8,11 @@ hue.py       colours beyond the display's
 seen.py      what a person sees of a display: black, peak, reflected light
 bounds.py    what tone mapping makes of a range of values and of a change
 code_values.py  what that is in code values
-encoding.py  sRGB code values
 """
 
+from pipeline.effects.encode import srgb_codes as encode
 from pipeline.effects.tone.bounds import passed_on, shown
 from pipeline.effects.tone.code_values import code_values
-from pipeline.effects.tone.encoding import encode
 from pipeline.effects.tone.filmic import (
     MIDDLE_GREY,
     REFERENCE_PEAK_CD_M2,

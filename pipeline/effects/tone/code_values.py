@@ -8,6 +8,7 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.effects.encode import P3, PQ_CODES, PQ_PEAK_CD_M2, REC709, REC2020, Primaries, matrix
 from pipeline.effects.tone.seen import black_share
 from pipeline.frame import Display, Encoding
 from pipeline.ranges import Change, Range
@@ -45,7 +46,7 @@ def _srgb(share: NDArray[np.float64]) -> NDArray[np.float64]:
 
 def _pq(peak_cd_m2: float, share: NDArray[np.float64]) -> NDArray[np.float64]:
     """SMPTE ST 2084 of a share of the peak."""
-    power = (share * (peak_cd_m2 / 1e4)) ** (2610 / 16384)
+    power = (share * (peak_cd_m2 / PQ_PEAK_CD_M2)) ** (2610 / 16384)
     return np.asarray(((3424 + 2413 * 32 * power) / (4096 + 2392 * 32 * power)) ** (2523 / 32))
 
 
@@ -55,19 +56,14 @@ def _encoding_of(
     """From Rec.709 to the display's primaries (None: they are the same), its transfer function, its last code."""
     match display.encoding:
         case Encoding.DISPLAY_P3:
-            return _primaries("Display P3"), _srgb, 255
+            return _primaries(P3), _srgb, 255
         case Encoding.HDR10:
-            return _primaries("ITU-R BT.2020"), functools.partial(_pq, display.peak_cd_m2), 1023
+            return _primaries(REC2020), functools.partial(_pq, display.peak_cd_m2), PQ_CODES
         case Encoding.SRGB | Encoding.LINEAR:
             return None, _srgb, 255
 
 
 @functools.cache
-def _primaries(name: str) -> NDArray[np.float64]:
-    """From linear Rec.709 to linear light of a wider colour space; no entry is below 0."""
-    # Imported here: colour-science takes seconds, and few displays need it.
-    from colour import RGB_COLOURSPACES, matrix_RGB_to_RGB
-
-    matrix = matrix_RGB_to_RGB(RGB_COLOURSPACES["ITU-R BT.709"], RGB_COLOURSPACES[name])
-    # Entries that are 0 but for the rounding of published primaries.
-    return np.maximum(np.asarray(matrix, np.float64), 0)
+def _primaries(target: Primaries) -> NDArray[np.float64]:
+    """From linear Rec.709 to wider primaries; no entry is below 0 but for rounding."""
+    return np.maximum(matrix(REC709, target), 0)

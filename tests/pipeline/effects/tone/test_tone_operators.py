@@ -152,7 +152,7 @@ def test_what_is_just_seen_in_the_scene_is_just_seen_on_the_display(adapted: flo
 
 
 def test_ward_of_a_moonlit_wall() -> None:
-    """BAR 9 by hand: t_p(50)/t_m(0.01)·0.01 = 3.0302/0.0054723·0.01 cd/m²."""
+    """BAR 9 by hand: t_p(50)/t_m(0.01)·0.01 = 3.0879/0.0054723·0.01 cd/m²."""
     log = np.log10(50)
     of_display = 10 ** ((0.249 * log + 0.65) ** 2.7 - 0.72)
     wall = shown(greys([0.01]), 0.01, Tone(Operator.WARD))[0, 0] * 100
