@@ -1,14 +1,33 @@
-"""Detail that an eye loses in the dark.
+"""Detail that an eye loses in the dark: lightness is blurred, each pixel by its own luminance.
 
+settings.py    which width of the blur, and how it is applied
 cielab.py      lightness, which alone is blurred
 fit.py         LUI's fast fit, on whole frames
-cheap.py       cube root and exponential, at half the price
+tiles.py       the same on the dark parts alone
+larson.py      what an eye resolves at a luminance
+krawczyk.py    a blur as wide as that asks for
+reference.py   the true two-dimensional filter, for both widths
+bounds.py      the most that a skip changes, and what a change before acuity becomes
+cheap.py       cube root, exponential and arc tangent at a fraction of their price
 """
 
 from __future__ import annotations
 
+import math
+
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+from numpy.typing import NDArray
+
+from pipeline.effects.acuity.bounds import dark_tiles, limit_cd_m2, passed_on, skipped
 from pipeline.effects.acuity.cielab import EPSILON, KAPPA, WHITE_CD_M2, lightness, luminance_of
 from pipeline.effects.acuity.fit import LIMIT_CD_M2, RADIUS_PX, dark_acuity
+from pipeline.effects.acuity.krawczyk import krawczyk_acuity
+from pipeline.effects.acuity.reference import reference_acuity
+from pipeline.effects.acuity.settings import Acuity, AcuityMethod
+from pipeline.effects.acuity.tiles import dark_acuity_of_tiles
+from pipeline.frame import FrameError
 
 __all__ = [
     "EPSILON",
@@ -16,7 +35,45 @@ __all__ = [
     "LIMIT_CD_M2",
     "RADIUS_PX",
     "WHITE_CD_M2",
+    "Acuity",
+    "AcuityMethod",
     "dark_acuity",
+    "dark_tiles",
     "lightness",
+    "limit_cd_m2",
     "luminance_of",
+    "passed_on",
+    "reduce_acuity",
+    "skipped",
 ]
+
+
+def reduce_acuity(
+    rgb: Float[Array, "eye 3 y x"],
+    pixels_per_deg: float,
+    settings: Acuity = Acuity(),
+    tiles: NDArray[np.bool_] | None = None,
+    tile_px: int = 1,
+) -> Float[Array, "eye 3 y x"]:
+    """A frame in cd/m² without the detail that an eye loses in its dark parts.
+
+    `tiles` (rows, columns) of `tile_px` are true where any eye's pixel may be below `limit_cd_m2` (`dark_tiles`): with
+    them the fit works on those alone, to the same result. Raises FrameError for tiles that are not the frame's, and for
+    pixels per degree that are not a positive number.
+    """
+    if not (math.isfinite(pixels_per_deg) and pixels_per_deg > 0):
+        raise FrameError(f"{pixels_per_deg} pixels per degree: acuity needs a positive number")
+    if tiles is not None:
+        height, width = rgb.shape[2:]
+        expected = (-(-height // tile_px), -(-width // tile_px))
+        if tiles.shape != expected:
+            raise FrameError(
+                f"{tiles.shape} tiles for a frame of {width}×{height}: of {tile_px} px it has {expected}, rows first"
+            )
+        if not tiles.any():
+            return rgb
+    if settings.reference:
+        return jnp.asarray(reference_acuity(np.asarray(rgb), pixels_per_deg, settings), jnp.float32)
+    if settings.method is AcuityMethod.KRAWCZYK:
+        return krawczyk_acuity(rgb, pixels_per_deg, settings.display_limit)
+    return dark_acuity(rgb) if tiles is None else dark_acuity_of_tiles(rgb, tiles, tile_px)

@@ -1,11 +1,13 @@
-"""Cube root and exponential of float32 at half the time of XLA's exp and log (docs/decisions/0006-cheap-functions.md).
+"""Cube root, exponential and arc tangent of float32, at a fraction of what XLA's take.
 
-Both start from the bits of a float, exponent above mantissa, which are nearly its logarithm to base 2, and have only
-multiplications besides. XLA also rewrites products of its own exponentials as exponentials of sums, which would make
-three of each one that the blur needs.
+The first two start from the bits of a float, exponent above mantissa, which are nearly its logarithm to base 2, and
+have only multiplications besides. XLA also rewrites products of its own exponentials as exponentials of sums, which
+would make three of each one that the blur needs.
 """
 
 from __future__ import annotations
+
+import math
 
 import jax
 import jax.numpy as jnp
@@ -18,6 +20,9 @@ INVERSE_ROOT_BITS = 1419920000.0
 EXP2_COEFFICIENTS = (0.0018850784, 0.0089696461, 0.055845409, 0.24014547, 0.69315438, 0.99999989)
 """2^x on 0…1, highest power first: the polynomial of fifth degree of least relative error, 6e-8 before rounding, found
 as a linear programme over 4001 points."""
+
+ARCTAN_COEFFICIENTS = (0.0068118585, -0.033604452, 0.079623996, -0.13233365, 0.19807824, -0.33317369, 0.99999611)
+"""arctan(x)/x on 0…1 in powers of x², highest first: the least error of x times it, 3e-7, found likewise."""
 
 
 def cube_root(x: Float[Array, "..."]) -> Float[Array, "..."]:
@@ -40,6 +45,19 @@ def exp2(x: Float[Array, "..."]) -> Float[Array, "..."]:
     for coefficient in EXP2_COEFFICIENTS[1:]:
         power = power * rest + np.float32(coefficient)
     return _float(_bits(power) + (whole.astype(jnp.int32) << MANTISSA_BITS))
+
+
+def arctan(x: Float[Array, "..."]) -> Float[Array, "..."]:
+    """Arc tangent of float32, within 5e-7 of it: XLA's own takes sixty times as long."""
+    size = jnp.abs(x)
+    steep = size > 1
+    slope = jnp.where(steep, 1 / jnp.maximum(size, 1), size)
+    square = slope * slope
+    ratio = jnp.full_like(x, ARCTAN_COEFFICIENTS[0])
+    for coefficient in ARCTAN_COEFFICIENTS[1:]:
+        ratio = ratio * square + np.float32(coefficient)
+    angle = slope * ratio
+    return jnp.sign(x) * jnp.where(steep, np.float32(math.pi / 2) - angle, angle)
 
 
 def _bits(x: Float[Array, "..."]) -> Int[Array, "..."]:

@@ -32,7 +32,7 @@ LEAST_WEIGHT = np.float32(2e-4)
 def dark_acuity(rgb: Float[Array, "eye 3 y x"]) -> Float[Array, "eye 3 y x"]:
     """A frame in cd/m² with its dark parts blurred."""
     padded = with_margin(_lightness(rgb))
-    return add_grey(rgb, luminance_change(_blurred_rows(padded), padded))
+    return add_grey(rgb, luminance_change(blurred_rows(padded), padded))
 
 
 _lightness = jax.jit(lambda rgb: lightness(luminance(rgb)))
@@ -63,7 +63,7 @@ def with_margin(values: Float[Array, "eye y x"]) -> Float[Array, "eye y+6 x+6"]:
     return padded
 
 
-_blurred_rows = jax.jit(lambda padded: blur(padded, 2))
+blurred_rows = jax.jit(lambda padded: blur(padded, 2))
 """(eye, y + 6, x + 6) to (eye, y + 6, x)."""
 
 

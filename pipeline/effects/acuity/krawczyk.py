@@ -1,0 +1,176 @@
+"""Krawczyk's blur, whose σ may be many pixels: from a stack of evenly blurred frames.
+
+Where each pixel takes its own σ, its result is that of a frame blurred evenly by this σ, read at this pixel. So the
+frame is blurred evenly by a ladder of σ, σ² doubling, and each pixel is interpolated between the two that its own σ²
+lies between, in the logarithm of σ². That is the true two-dimensional filter but for the interpolation. A kernel's
+radius stays at 6 px whatever σ: beyond σ = 2 px the frame is halved before each octave. The frame's edge is a mirror,
+which evenly blurred and halved frames keep.
+"""
+
+from __future__ import annotations
+
+import functools
+import math
+from collections.abc import Iterator
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from pipeline.effects.acuity import larson
+from pipeline.effects.acuity.cielab import lightness, luminance_of
+from pipeline.effects.acuity.fit import add_grey
+from pipeline.measure import luminance
+
+FIRST_PX2 = 0.25
+"""σ² of the first rung. Engineering choice: σ = 0.5 px takes a fifth from a pixel; below it blur grows as σ² does."""
+HALVED_FROM_PX2 = 4.0
+"""σ² from which the frame is halved, and at four times as much again. Engineering choice: halving and coming back
+blurs by 1 px² itself, and leaves an even kernel enough to do to hide the grid."""
+
+
+def krawczyk_acuity(
+    rgb: Float[Array, "eye 3 y x"], pixels_per_deg: float, display_limit: bool
+) -> Float[Array, "eye 3 y x"]:
+    """A frame in cd/m² with what the eye does not resolve taken away."""
+    least = np.float32(larson.display_px2(display_limit))
+    sharp, place, highest = _prepare(rgb, np.float32(pixels_per_deg), least)
+    rungs = math.ceil(float(highest))
+    if rungs == 0:
+        return rgb
+    blurred, current, halved = _take(jnp.zeros_like(sharp), sharp, place, 0), sharp, 0
+    for rung, (halvings, step_px2) in enumerate(_ladder(rungs), start=1):
+        if halvings > halved:
+            current, halved = _halve(current), halvings
+        current = _even(current, step_px2)
+        blurred = _take(blurred, _enlarged(current, halvings, sharp.shape), place, rung)
+    return add_grey(rgb, _change(blurred, sharp, place))
+
+
+def reach_px(variance_px2: float) -> int:
+    """How far away light may lie that reaches a pixel blurred by up to this σ²."""
+    reach = 0
+    for halvings, step_px2 in _ladder(math.ceil(place_of(variance_px2))):
+        # A pixel of a halved frame is as wide as several, and enlarging goes to the next but one of each size.
+        reach += (_radius(step_px2) + 2 * (halvings > 0)) * 2**halvings
+    return reach
+
+
+def place_of(variance_px2: float) -> float:
+    """Where on the ladder this σ² stands: 0 sharp, 1 the first rung, 2 the second."""
+    rungs = variance_px2 / FIRST_PX2
+    return rungs if rungs < 1 else 1 + math.log2(rungs)
+
+
+def _ladder(rungs: int) -> Iterator[tuple[int, float]]:
+    """For each rung, how often its frame is halved, and by which σ² in px² of that size the rung below is blurred."""
+    variance, halvings = 0.0, 0
+    for rung in range(rungs):
+        wanted = FIRST_PX2 * 2.0**rung
+        if wanted >= HALVED_FROM_PX2 * 4**halvings:
+            # What the pixels of a pair lie apart by.
+            variance, halvings = variance + 4**halvings / 4, halvings + 1
+        # To be enlarged again blurs, too.
+        step = (wanted - (4**halvings - 1) / 4 - variance) / 4**halvings
+        variance += step * 4**halvings
+        yield halvings, step
+
+
+@jax.jit
+def _prepare(
+    rgb: Float[Array, "eye 3 y x"], pixels_per_deg: Float[Array, ""], least_px2: Float[Array, ""]
+) -> tuple[Float[Array, "eye y x"], Float[Array, "eye y x"], Float[Array, ""]]:
+    """Lightness, each pixel's place on the ladder (0 sharp, 1 the first rung), and the highest of these."""
+    y = luminance(rgb)
+    rungs = larson.variance_map(y, pixels_per_deg, least_px2) / np.float32(FIRST_PX2)
+    place = jnp.where(rungs < 1, rungs, 1 + jnp.log(jnp.maximum(rungs, 1)) * np.float32(1 / math.log(2)))
+    return lightness(y), place, place.max()
+
+
+@functools.partial(jax.jit, donate_argnums=0, static_argnums=3)
+def _take(
+    onto: Float[Array, "eye y x"], level: Float[Array, "eye y x"], place: Float[Array, "eye y x"], rung: int
+) -> Float[Array, "eye y x"]:
+    """What pixels at this place of the ladder have from one rung of it: all at the rung, nothing at its neighbours."""
+    return onto + jnp.maximum(1 - jnp.abs(place - rung), 0) * level
+
+
+@jax.jit
+def _change(
+    blurred: Float[Array, "eye y x"], sharp: Float[Array, "eye y x"], place: Float[Array, "eye y x"]
+) -> Float[Array, "eye y x"]:
+    return jnp.where(place > 0, luminance_of(blurred) - luminance_of(sharp), 0)
+
+
+def _even(values: Float[Array, "eye y x"], variance: float) -> Float[Array, "eye y x"]:
+    # Compiled as one function, XLA would fuse the passes and make of n + n taps n².
+    for axis in (2, 1):
+        values = _along(_mirrored(values, _radius(variance), axis), variance, axis)
+    return values
+
+
+@functools.partial(jax.jit, static_argnums=(1, 2))
+def _mirrored(values: Float[Array, "eye y x"], radius: int, axis: int) -> Float[Array, "eye y x"]:
+    margin = [(0, 0)] * 3
+    margin[axis] = (radius, radius)
+    return jnp.pad(values, margin, mode="symmetric")
+
+
+@functools.partial(jax.jit, static_argnums=(1, 2))
+def _along(padded: Float[Array, "eye y x"], variance: float, axis: int) -> Float[Array, "eye y x"]:
+    weights = _weights(variance)
+    radius = _radius(variance)
+    size = padded.shape[axis] - 2 * radius
+
+    def tap(offset: int) -> Float[Array, "eye y x"]:
+        return jax.lax.slice_in_dim(padded, radius + offset, radius + offset + size, axis=axis)
+
+    return sum((weights[k] * (tap(-k) + tap(k)) for k in range(1, radius + 1)), weights[0] * tap(0))
+
+
+def _weights(variance: float) -> list[np.float32]:
+    """A Gaussian's from the middle outwards, at pixels; they add up to 1 with the mirrored ones."""
+    taps = np.exp(-(np.arange(_radius(variance) + 1) ** 2) / (2 * variance))
+    return [np.float32(tap) for tap in taps / (2 * taps.sum() - 1)]
+
+
+def _radius(variance: float) -> int:
+    """4σ: what lies beyond weighs 6e-5."""
+    return math.ceil(4 * math.sqrt(variance))
+
+
+@jax.jit
+def _halve(values: Float[Array, "eye y x"]) -> Float[Array, "eye y/2 x/2"]:
+    """Means of two by two pixels; an odd last row or column counts as its own neighbour."""
+    for axis in (2, 1):
+        if values.shape[axis] % 2:
+            last = jax.lax.slice_in_dim(values, values.shape[axis] - 1, values.shape[axis], axis=axis)
+            values = jnp.concatenate([values, last], axis)
+        values = (
+            jax.lax.slice_in_dim(values, 0, None, 2, axis=axis) + jax.lax.slice_in_dim(values, 1, None, 2, axis=axis)
+        ) * np.float32(0.5)
+    return values
+
+
+def _enlarged(values: Float[Array, "eye y x"], halvings: int, shape: tuple[int, ...]) -> Float[Array, "eye y x"]:
+    """Back to full size, linearly between the middles of pixels."""
+    for left in reversed(range(halvings)):
+        # As many as the halving one step up had.
+        values = _doubled(_repeated(values), -(-shape[1] // 2**left), -(-shape[2] // 2**left))
+    return values
+
+
+@jax.jit
+def _repeated(values: Float[Array, "eye y x"]) -> Float[Array, "eye 2y+4 2x+4"]:
+    return jnp.repeat(jnp.repeat(jnp.pad(values, ((0, 0), (1, 1), (1, 1)), mode="edge"), 2, 1), 2, 2)
+
+
+@functools.partial(jax.jit, static_argnums=(1, 2))
+def _doubled(repeated: Float[Array, "eye 2y+4 2x+4"], height: int, width: int) -> Float[Array, "eye height width"]:
+    """Of pixels repeated: their mean with weights ¼, ½, ¼ in both directions lies linearly between the pixels'."""
+    return sum(
+        np.float32(weight_y * weight_x) * repeated[:, 1 + dy : 1 + dy + height, 1 + dx : 1 + dx + width]
+        for dy, weight_y in enumerate((0.25, 0.5, 0.25))
+        for dx, weight_x in enumerate((0.25, 0.5, 0.25))
+    )
