@@ -98,7 +98,7 @@ def passed_on(change: Change, range_: Range, pupil_mm: float, settings: RodNoise
     tiles = _Tiles(range_.widened(change), change, pupil_mm, settings)
     loudest = 1 + tiles.fade * tiles.noise
     fades = np.minimum(change[3] / settings.below_cd_m2, tiles.fade)
-    scotopic = np.tensordot(np.array(SCOTOPIC_WEIGHTS), change[:3], (0, 0))
+    scotopic = _scotopic(change)
     # d/dN of ((z/2 + √(N − ¼))²/N − 1), z at its largest.
     n = tiles.fewest
     slope = LARGEST**2 / 4 / n**2 + LARGEST / n**1.5 + LARGEST / (2 * np.sqrt(n - 0.25) * n)
@@ -115,7 +115,7 @@ class _Tiles:
 
     def __init__(self, range_: Range, change: Change, pupil_mm: float, settings: RodNoise) -> None:
         self.per_scotopic, thermal = _counts(pupil_mm, settings.grain_deg)
-        self.fewest = thermal + self.per_scotopic * np.tensordot(np.array(SCOTOPIC_WEIGHTS), range_.low[:3], (0, 0))
+        self.fewest = thermal + self.per_scotopic * _scotopic(range_.low)
         """Events at least."""
         # |(z/2 + √(N − ¼))²/N − 1|: k ≥ 0 keeps it above −1.
         self.noise = (LARGEST**2 / 4 - 0.25) / self.fewest + LARGEST / np.sqrt(self.fewest)
@@ -125,6 +125,11 @@ class _Tiles:
         self.high = np.minimum(range_.high, noisy)
         """Of the pixels that noise reaches."""
         self.own = thermal / self.per_scotopic / WHITE_RATIO if settings.own_light else 0.0
+
+
+def _scotopic(rgb: NDArray[np.float64]) -> NDArray[np.float64]:
+    red, green, blue = SCOTOPIC_WEIGHTS
+    return red * rgb[0] + green * rgb[1] + blue * rgb[2]
 
 
 def _counts(pupil_mm: float, grain_deg: float) -> tuple[float, float]:

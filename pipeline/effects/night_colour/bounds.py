@@ -91,16 +91,24 @@ def _of_blue(sigma: Tiles, sum_per_luminance: Tiles) -> Tiles:
 
 
 def _sum_per_luminance(range_: Range) -> tuple[Tiles, Tiles]:
-    """Least and largest (X + Y + Z)/Y of a tile's pixels. A ratio of two sums has them in corners of the range."""
-    corners = np.array(list(np.ndindex(2, 2, 2)), dtype=np.float64)[:, :, None, None]
-    rgb = range_.low[None, :3] + corners * (range_.high - range_.low)[None, :3]
-    luminance = np.tensordot(rgb, LUMINANCE_WEIGHTS, (1, 0))
-    total = np.tensordot(rgb, SUM_WEIGHTS, (1, 0))
-    lit = luminance > 0
-    ratio = total / np.where(lit, luminance, 1)
-    # A black corner has no ratio; a tile that is black all over needs none.
-    low = np.where(lit, ratio, np.inf).min(0)
-    return np.where(np.isfinite(low), low, 1.0), np.where(lit, ratio, 1.0).max(0)
+    """Least and largest (X + Y + Z)/Y of a tile's pixels.
+
+    A ratio of two sums has them in corners of the range: largest where blue, by itself 16.7, is high and green, 1.7, is
+    low, least the other way round; red, 3.0, may be either. All high stands in for corners that are black.
+    """
+    low, high = range_.low, range_.high
+    all_high = _ratio(high[0], high[1], high[2])
+    least = np.fmin(_ratio(low[0], high[1], low[2]), _ratio(high[0], high[1], low[2]))
+    largest = np.fmax(_ratio(low[0], low[1], high[2]), _ratio(high[0], low[1], high[2]))
+    # Where all is black there is no share to know.
+    return np.nan_to_num(np.fmin(least, all_high), nan=1.0), np.nan_to_num(np.fmax(largest, all_high), nan=1.0)
+
+
+def _ratio(red: Tiles, green: Tiles, blue: Tiles) -> Tiles:
+    """(X + Y + Z)/Y, not a number for black."""
+    rgb = np.stack([red, green, blue])
+    with np.errstate(invalid="ignore"):
+        return np.asarray(_sum(np.array(SUM_WEIGHTS), rgb) / _sum(np.array(LUMINANCE_WEIGHTS), rgb))
 
 
 def _distance(range_: Range, adapted_cd_m2: float, method: NightMethod) -> Change:
@@ -109,8 +117,7 @@ def _distance(range_: Range, adapted_cd_m2: float, method: NightMethod) -> Chang
     luminance = np.array(LUMINANCE_WEIGHTS)
     difference = np.vstack([np.outer(colour, seen_by) - np.eye(3), (luminance @ colour) * seen_by - luminance])
     middle, half = (range_.high + range_.low)[:3] / 2, (range_.high - range_.low)[:3] / 2
-    at_middle = np.tensordot(difference, middle, (1, 0))
-    distance = np.abs(at_middle) + np.tensordot(np.abs(difference), half, (1, 0))
+    distance = np.stack([np.abs(_sum(row, middle)) + _sum(np.abs(row), half) for row in difference])
     if method is NightMethod.RODS:
         return np.asarray(distance)
     # Rods that see as cones do see Y, whose range is often narrower than R's, G's and B's together.
@@ -127,7 +134,12 @@ def _distance(range_: Range, adapted_cd_m2: float, method: NightMethod) -> Chang
 def _through_tint(change: Change, adapted_cd_m2: float, method: NightMethod) -> Change:
     """What a change of a pixel does to tint·q."""
     colour = tint(method, adapted_cd_m2)
-    seen = np.tensordot(np.array(weights(method)), change[:3], (0, 0))
+    seen = _sum(np.array(weights(method)), change)
     if method is not NightMethod.RODS:
         seen = np.minimum(seen, change[3])
     return np.append(colour, np.array(LUMINANCE_WEIGHTS) @ colour)[:, None, None] * seen[None]
+
+
+def _sum(by: Tiles, rgb: Tiles) -> Tiles:
+    """Written out: for three terms a matrix product wakes threads that cost more than they do."""
+    return np.asarray(by[0] * rgb[0] + by[1] * rgb[1] + by[2] * rgb[2])
