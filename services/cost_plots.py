@@ -33,7 +33,7 @@ AWAY_PX = (7, 14, 24, 36, 50, 70)
 """How far off its edge may be, nearest first."""
 
 
-class _Mark(NamedTuple):
+class Mark(NamedTuple):
     """A point and its label."""
 
     x: float
@@ -60,13 +60,13 @@ def error_over_time(path: Path, rows: Sequence[Row], scene: str) -> None:
     figure.draw_without_rendering()
     figure.set_layout_engine("none")  # all stays where the labels find it
     for axes, of_axes in marks.items():
-        _label(axes, of_axes, canvas)
+        label(axes, of_axes, canvas)
     figure.savefig(path, format="png")
 
 
 def _points(
     axes: Axes, rows: Sequence[Row], colours: Mapping[str, str], name: str, value: Callable[[Errors], float]
-) -> list[_Mark]:
+) -> list[Mark]:
     errors = np.array([value(row.errors) for row in rows])
     floor = SMALLEST_SHARE * float(errors[errors > 0].min(initial=1.0))
     errors = np.maximum(errors, floor)
@@ -93,12 +93,12 @@ def _points(
     axes.grid(which="major", lw=0.3)
     axes.spines[["top", "right"]].set_visible(False)
     return [
-        _Mark(float(x), float(y), row.label, colours[row.group])
+        Mark(float(x), float(y), row.label, colours[row.group])
         for x, y, row in zip(times_ms, errors, rows, strict=True)
     ]
 
 
-def _label(axes: Axes, marks: Sequence[_Mark], canvas: FigureCanvasAgg) -> None:
+def label(axes: Axes, marks: Sequence[Mark], canvas: FigureCanvasAgg) -> None:
     """Writes each label as near to its point as it covers no other point and no other label."""
     renderer = canvas.get_renderer()  # type: ignore[no-untyped-call]
     to_px = axes.transData

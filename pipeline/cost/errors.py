@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
 
 import jax.numpy as jnp
 import numpy as np
@@ -39,6 +40,25 @@ class Errors:
     """Share of the pixels that an sRGB display shows with another code value in any channel."""
 
 
+@dataclasses.dataclass(frozen=True, eq=False)
+class OnDisplay:
+    """An image as a display shows it, and what it is compared by."""
+
+    light_cd_m2: Float[np.ndarray, "3 y x"]
+    display: Display
+
+    @functools.cached_property
+    def ictcp(self) -> NDArray[np.float64]:
+        """(y, x, 3), of ITU-R BT.2100."""
+        return np.asarray(RGB_to_ICtCp(np.einsum("oi,iyx->yxo", REC709_TO_REC2020, self.light_cd_m2)))
+
+    @functools.cached_property
+    def codes(self) -> NDArray[np.uint8]:
+        """(y, x, 3), of an sRGB display."""
+        peak = self.display.peak_cd_m2
+        return encode(self.light_cd_m2 / peak, self.display.black_cd_m2 / peak)
+
+
 def errors_of(
     image: Float[np.ndarray, "3 y x"], truth: Float[np.ndarray, "3 y x"], exposure: float, display: Display
 ) -> Errors:
@@ -46,24 +66,19 @@ def errors_of(
 
     Both are linear Rec.709. Differences are taken in float64.
     """
-    return errors_between(image, truth, shown(image, exposure, display), shown(truth, exposure, display), display)
+    seen, true = (OnDisplay(shown(of, exposure, display), display) for of in (image, truth))
+    return errors_between(image, truth, seen, true)
 
 
 def errors_between(
-    image: Float[np.ndarray, "3 y x"],
-    truth: Float[np.ndarray, "3 y x"],
-    shown_image: Float[np.ndarray, "3 y x"],
-    shown_truth: Float[np.ndarray, "3 y x"],
-    display: Display,
+    image: Float[np.ndarray, "3 y x"], truth: Float[np.ndarray, "3 y x"], seen: OnDisplay, true: OnDisplay
 ) -> Errors:
-    """Errors of an image, and of what becomes of it on the display, in the display's cd/m²."""
+    """Errors of an image, and of what becomes of it on the display."""
     image, truth = np.asarray(image, np.float64), np.asarray(truth, np.float64)
     difference = image - truth
     luminance = np.einsum("c,cyx->yx", np.array(LUMINANCE_WEIGHTS), difference)
     y_px, x_px = np.unravel_index(int(np.abs(luminance).argmax()), luminance.shape)
-    delta_e = delta_e_itp(shown_image, shown_truth)
-    black = display.black_cd_m2 / display.peak_cd_m2
-    codes, true_codes = (encode(of / display.peak_cd_m2, black) for of in (shown_image, shown_truth))
+    delta_e = np.asarray(delta_E_ITP(seen.ictcp, true.ictcp))
     return Errors(
         relative_l2=float(np.linalg.norm(difference) / max(np.linalg.norm(truth), np.finfo(float).tiny)),
         worst_cd_m2=float(luminance[y_px, x_px]),
@@ -71,7 +86,7 @@ def errors_between(
         worst_y_px=int(y_px),
         delta_e_mean=float(delta_e.mean()),
         delta_e_p95=float(np.percentile(delta_e, 95)),
-        share_changed=float((codes != true_codes).any(axis=2).mean()),
+        share_changed=float((seen.codes != true.codes).any(axis=2).mean()),
     )
 
 

@@ -16,7 +16,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from pipeline.cost.comparison import pareto
-from pipeline.cost.errors import Errors, errors_between
+from pipeline.cost.errors import Errors, OnDisplay, errors_between
 from pipeline.cost.plain import acuity as plain_acuity
 from pipeline.cost.plain import night_colour as plain_night
 from pipeline.cost.plain import tone as plain_tone
@@ -24,14 +24,16 @@ from pipeline.cost.timing import interleaved
 from pipeline.cost.ways.stage import Reals, Stage
 from pipeline.cost.ways.way import SKIPPED
 from pipeline.effects import acuity, adaptation, night_colour, tone
+from pipeline.effects.encode import encode
 from pipeline.effects.glare import Glare, GlareLevel
 from pipeline.effects.glare.reference import of_mixture, reference_glare
+from pipeline.effects.night_colour import NightColour
 from pipeline.effects.tone import Tone
 from pipeline.measure import measure
 
 GLARES = (SKIPPED, *(level.value for level in GlareLevel if level is not GlareLevel.REFERENCE))
-ALWAYS = "measure, adaptation, tone, encode"
-"""The parts that every frame needs, as one name."""
+ALWAYS = ("measure", "adaptation", "tone", "encode")
+"""The parts that every frame needs."""
 Size = tuple[int, int]
 """Width and height in pixels."""
 
@@ -62,31 +64,34 @@ class Whole:
     """One eye's frame, at each size."""
 
 
-def parts_ms(stage: Stage, rounds: int, done: Callable[[str], None] = lambda label: None) -> dict[str, float]:
-    """Median time of each part that combinations are made of, as `effect level`, and of ALWAYS."""
+def parts(stage: Stage) -> dict[str, Callable[[], Any]]:
+    """All that combinations are made of, as `effect` or `effect level`, each to be called alone."""
     frame, adapted, display = stage.scene.frame, stage.adapted_cd_m2, stage.display
     rgb, shown = frame.rgb_cd_m2, jnp.asarray(stage.shown)[None]
-    parts: dict[str, Callable[[], Any]] = {
-        "measure": lambda: adaptation.target_cd_m2(measure(frame)[0], 0.0, 0.0),
+    return {
+        "measure": lambda: measure(frame),
+        "adaptation": lambda: adaptation.target_cd_m2(stage.scene.measured, 0.0, 0.0),
         "tone": lambda: tone.show(rgb, [adapted], [adapted], Tone(), display),
-        "encode": lambda: np.asarray(tone.encode(shown, tone.black_share(display))),
+        "encode": lambda: encode(shown, display),
         "acuity fit": lambda: acuity.dark_acuity(rgb),
-        "night_colour lui": lambda: night_colour.shift(shown, [adapted]),
+        "night_colour lui": lambda: night_colour.shift(shown, [adapted], NightColour()),
+        **{
+            f"glare {level}": lambda level=level: stage.glare(Glare(level=GlareLevel(level)))
+            for level in GLARES
+            if level != SKIPPED
+        },
     }
-    parts |= {
-        f"glare {level}": lambda level=level: stage.glare(Glare(level=GlareLevel(level)))
-        for level in GLARES
-        if level != SKIPPED
-    }
-    medians = {name: timed.times.median_ms for name, timed in interleaved(parts, rounds, done).items()}
-    always = sum(medians.pop(name) for name in ("measure", "tone", "encode"))
-    return {ALWAYS: always, **medians}
 
 
-def time_of(combination: Combination, parts: Mapping[str, float]) -> float:
-    """Of a frame with such parts."""
-    levels = dataclasses.asdict(combination)
-    return parts[ALWAYS] + sum(parts[f"{effect} {level}"] for effect, level in levels.items() if level != SKIPPED)
+def parts_ms(stage: Stage, rounds: int, done: Callable[[str], None] = lambda label: None) -> dict[str, float]:
+    """Median time of each part."""
+    return {name: timed.times.median_ms for name, timed in interleaved(parts(stage), rounds, done).items()}
+
+
+def time_of(combination: Combination, milliseconds: Mapping[str, float]) -> float:
+    """Of a frame whose parts take so long."""
+    runs = [f"{effect} {level}" for effect, level in dataclasses.asdict(combination).items() if level != SKIPPED]
+    return sum(milliseconds[part] for part in (*ALWAYS, *runs))
 
 
 def errors_of_combinations(stage: Stage, done: Callable[[str], None] = lambda label: None) -> dict[Combination, Errors]:
@@ -97,12 +102,12 @@ def errors_of_combinations(stage: Stage, done: Callable[[str], None] = lambda la
     )
     peak = stage.display.peak_cd_m2
     toned = plain_tone.aces(truth, stage.exposure, peak)
-    true_shown = np.clip(plain_night.night_tint(toned, stage.adapted_cd_m2), 0, 1) * peak
+    true = OnDisplay(np.clip(plain_night.night_tint(toned, stage.adapted_cd_m2), 0, 1) * peak, stage.display)
     done("truth of the whole frame")
     found = {}
     for combination in COMBINATIONS:
-        shown = _image(combination, stage) * peak
-        found[combination] = errors_between(shown, true_shown, shown, true_shown, stage.display)
+        seen = OnDisplay(_image(combination, stage) * peak, stage.display)
+        found[combination] = errors_between(seen.light_cd_m2, true.light_cd_m2, seen, true)
         done(str(combination))
     return found
 
@@ -117,7 +122,7 @@ def _image(combination: Combination, stage: Stage) -> Reals:
     adapted = [stage.adapted_cd_m2]
     shown = tone.show(image, adapted, adapted, Tone(), stage.display)
     if combination.night_colour != SKIPPED:
-        shown = night_colour.shift(shown, adapted)
+        shown = night_colour.shift(shown, adapted, NightColour())
     return np.clip(np.asarray(shown[0], np.float64), 0, 1)
 
 

@@ -2,11 +2,11 @@
 
 stage.py           one eye before one scene: what each effect starts from
 way.py             one way to run one effect; measuring them
-before_display.py  adaptation, glare and acuity, whose images are in cd/m² of the scene
+before_display.py  adaptation, glare, acuity, rod noise, whose images are in cd/m² of the scene
 on_display.py      tone mapping, night colour and encoding, whose images are in cd/m² of the display
 """
 
-from pipeline.cost.ways.before_display import acuity_ways, adaptation_ways, glare_ways
+from pipeline.cost.ways.before_display import acuity_ways, adaptation_ways, glare_ways, rod_noise_ways
 from pipeline.cost.ways.on_display import encode_ways, night_colour_ways, tone_ways
 from pipeline.cost.ways.stage import Stage
 from pipeline.cost.ways.way import Row, Way, measure_ways
@@ -17,6 +17,7 @@ EFFECTS = {
     "adaptation": adaptation_ways,
     "glare": glare_ways,
     "acuity": acuity_ways,
+    "rod_noise": rod_noise_ways,
     "tone": tone_ways,
     "night_colour": night_colour_ways,
     "encode": encode_ways,

@@ -1,19 +1,26 @@
-"""Ways of the effects whose images are in cd/m² of the scene: adaptation, glare, acuity."""
+"""Ways of the effects whose images are in cd/m² of the scene: adaptation, glare, acuity, rod noise."""
 
 from __future__ import annotations
 
 import jax.numpy as jnp
 import numpy as np
+from jaxtyping import Array, Float
 
-from pipeline.cost.plain import acuity as plain_acuity
 from pipeline.cost.plain import adaptation as plain_adaptation
 from pipeline.cost.plain.glare import prepare
 from pipeline.cost.ways.stage import Reals, Stage
 from pipeline.cost.ways.way import SKIPPED, Way, Ways
-from pipeline.effects import acuity, adaptation
+from pipeline.effects import acuity, adaptation, rod_noise
+from pipeline.effects.acuity.krawczyk import krawczyk_acuity
+from pipeline.effects.acuity.reference import reference_acuity
+from pipeline.effects.acuity.settings import Acuity, AcuityMethod
 from pipeline.effects.adaptation import Adaptation, Target
 from pipeline.effects.glare import Glare, GlareLevel, GlareModel
 from pipeline.effects.glare.reference import of_mixture, reference_glare
+from pipeline.effects.rod_noise import RodNoise
+
+NOISE_S = 1.0
+"""When in a session noise is drawn."""
 
 
 def adaptation_ways(stage: Stage) -> Ways:
@@ -77,16 +84,40 @@ def glare_ways(stage: Stage) -> Ways:
 
 
 def acuity_ways(stage: Stage) -> Ways:
-    """The fast fit against the true filter of the same widths."""
+    """Each method against the true filter of the same widths."""
     rgb = jnp.asarray(stage.glared)[None]
     exact = stage.glared.astype(np.float64)
+    ppd = stage.scene.frame.view.ppd_centre
+    settings = {method.value: Acuity(method=method) for method in AcuityMethod}
+    settings |= {"krawczyk, no display limit": Acuity(method=AcuityMethod.KRAWCZYK, display_limit=False)}
     return Ways(
         [
-            Way(SKIPPED, None, "fit", lambda _: exact),
-            Way("fit", lambda: acuity.dark_acuity(rgb)[0], "fit", _image),
+            Way(SKIPPED, None, AcuityMethod.FIT.value, lambda _: exact),
+            *(Way(name, lambda of=of: _reduced(rgb, ppd, of)[0], name, _image) for name, of in settings.items()),
         ],
-        {"fit": lambda: plain_acuity.true_filter(exact)},
-        timed_truth=("fit",),
+        {name: lambda of=of: reference_acuity(exact[None], ppd, of)[0] for name, of in settings.items()},
+        timed_truth=tuple(settings),
+    )
+
+
+def _reduced(rgb: Float[Array, "eye 3 y x"], pixels_per_deg: float, settings: Acuity) -> Float[Array, "eye 3 y x"]:
+    if settings.method is AcuityMethod.FIT:
+        return acuity.dark_acuity(rgb)
+    return krawczyk_acuity(rgb, pixels_per_deg, settings.display_limit)
+
+
+def rod_noise_ways(stage: Stage) -> Ways:
+    """With and without: what is random has no truth but itself."""
+    rgb = jnp.asarray(stage.resolved)[None]
+    ppd, pupil_mm = stage.scene.frame.view.ppd_centre, [stage.pose.pupil_mm]
+
+    def noisy() -> Array:
+        return rod_noise.add_noise(rgb, NOISE_S, pupil_mm, ppd, RodNoise(on=True))[0]
+
+    exact = stage.resolved.astype(np.float64)
+    return Ways(
+        [Way(SKIPPED, None, "on", lambda _: exact), Way("on", noisy, "on", _image)],
+        {"on": lambda: np.asarray(noisy(), np.float64)},
     )
 
 

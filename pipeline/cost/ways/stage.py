@@ -21,6 +21,7 @@ from pipeline.optics.pupil import watson_yellott_mm
 
 Reals = NDArray[np.float64]
 
+BEFORE_TONE = ("adaptation", "glare", "acuity", "rod_noise")
 PUPIL_STEP_MM = 0.5
 """Pupils are rounded to this. Engineering choice: scenes that are alike then share their kernels."""
 
@@ -105,8 +106,8 @@ class Stage:
         """What becomes of an effect's image in all that follows, plainly; in the display's cd/m²."""
         if effect == "glare":
             image = acuity.fit(np.maximum(image, 0))
-        if effect in ("adaptation", "glare", "acuity"):
+        if effect in BEFORE_TONE:
             image = self._toned(image)
-        if effect in ("adaptation", "glare", "acuity", "tone"):
+        if effect in (*BEFORE_TONE, "tone"):
             image = night_colour.night_tint(image, self.adapted_cd_m2)
         return np.clip(image, 0, 1) * self.display.peak_cd_m2

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from pipeline.cost.errors import Errors, errors_between
+from pipeline.cost.errors import Errors, OnDisplay, errors_between
 from pipeline.cost.timing import Times, interleaved
 from pipeline.cost.ways.stage import Reals, Stage
 
@@ -72,7 +72,7 @@ def measure_ways(
         truth = compute()
         took_ms = (time.perf_counter() - begun) * 1e3
         done(f"{effect} truth")
-        true_shown = stage.on_display(effect, truth)
+        true_shown = OnDisplay(stage.on_display(effect, truth), stage.display)
         for way in ways.ways:
             if way.of != of:
                 continue
@@ -81,13 +81,13 @@ def measure_ways(
             errors = errors_between(
                 image * ways.unit_cd_m2,
                 truth * ways.unit_cd_m2,
-                stage.on_display(effect, image),
+                OnDisplay(stage.on_display(effect, image), stage.display),
                 true_shown,
-                stage.display,
             )
             rows.append(Row(effect, way.name, of, stage.scene.name, errors, None if ran is None else ran.times))
         if of in ways.timed_truth:
-            rows.append(Row(effect, TRUTH, of, stage.scene.name, NO_ERRORS, Times(took_ms, np.array([took_ms]))))
+            name = TRUTH if len(ways.timed_truth) == 1 else f"{TRUTH} of {of}"
+            rows.append(Row(effect, name, of, stage.scene.name, NO_ERRORS, Times(took_ms, np.array([took_ms]))))
     return rows
 
 
