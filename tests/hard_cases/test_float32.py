@@ -138,7 +138,7 @@ def test_every_tone_operator_is_within_5e_6(name: str, adapted: float, hue: Hue,
     np.testing.assert_allclose(np.asarray(shown)[0], truth, rtol=5e-6, atol=1e-12)
 
 
-WITHIN = {NightMethod.KRI_XY: 1e-4, NightMethod.BAR: 1e-5}
+WITHIN = {NightMethod.KRI_XY: 2e-4, NightMethod.BAR: 1e-5}
 """KRI's primaries have four digits or seven; BAR's step at 3 cd/m² is spread over its curve. The others: rounding."""
 PLAIN_NIGHT = {
     NightMethod.LUI: plain_night.night_tint,
@@ -151,9 +151,7 @@ PLAIN_NIGHT = {
 @every_frame
 @every_adapted
 @pytest.mark.parametrize("method", PLAIN_NIGHT)
-def test_night_colour_is_within_its_tolerance_of_the_brightest_component(
-    name: str, adapted: float, method: NightMethod
-) -> None:
+def test_night_colour_is_within_its_tolerance(name: str, adapted: float, method: NightMethod) -> None:
     _, exact = of(name)
     exact = plain_tone.aces(exact, plain_adaptation.exposure(adapted), 100.0)
     image = np.asarray(night_colour.shift(jnp.asarray(exact, jnp.float32)[None], [adapted], NightColour(method)))[0]
