@@ -65,18 +65,12 @@ def step_pigments(
     """The pigments after dt under this luminance: exact for any dt. At dt 0, below it or no number as they were."""
     if not dt_s > 0:
         return pigments
-    towards = settled(luminance_cd_m2, kind, pupil_mm)
-    cones, rods = (
-        settled_share + (share - settled_share) * math.exp(-dt_s * (1 + light) / tau_s)
-        for share, settled_share, light, tau_s in zip(
-            dataclasses.astuple(pigments),
-            dataclasses.astuple(towards),
-            _light(luminance_cd_m2, kind, pupil_mm),
-            TAU_S,
-            strict=True,
-        )
+    light, towards = _light(luminance_cd_m2, kind, pupil_mm), settled(luminance_cd_m2, kind, pupil_mm)
+    left_cones, left_rods = (math.exp(-dt_s * (1 + light[k]) / TAU_S[k]) for k in range(2))
+    return Pigments(
+        towards.cones + (pigments.cones - towards.cones) * left_cones,
+        towards.rods + (pigments.rods - towards.rods) * left_rods,
     )
-    return Pigments(cones, rods)
 
 
 def sensitivity(pigments: Pigments, kind: Bleaching) -> Sensitivity:

@@ -64,8 +64,8 @@ class Adaptation(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     left_after_1_s_to_dark: Left = 0.5
     """The same where it grows darker."""
     robust: bool = False
-    """Small bright lights count by their logarithm, so that one that enters, leaves or blinks does not make the rest
-    of the frame flicker."""
+    """Small bright lights count for no more than 30 times the geometric mean, so that one that enters, leaves or blinks
+    does not make the whole frame flicker."""
     bleaching: Bleaching = Bleaching.OFF
 
 

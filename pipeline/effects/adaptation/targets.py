@@ -11,8 +11,8 @@ from pipeline.measure import Measurement
 FLOOR_CD_M2 = 1e-6
 """Starlight: what an eye is adapted to in front of a black frame; KRI 4.15's ε."""
 LIMIT = 30.0
-"""Times the geometric mean from which on a tile counts by its logarithm, if robust. Engineering choice, and the ratio
-from which on a measurement calls a tile a light: docs/adaptation.md has what 10, 100 and 1000 do."""
+"""Times the geometric mean: no tile counts for more, if robust. Engineering choice, and the ratio to the mean from
+which on a measurement calls a tile a light. docs/adaptation.md has what 10, 100 and 1000 do."""
 
 Tiles = NDArray[np.float64]
 """(tile rows, tile columns)"""
@@ -42,14 +42,10 @@ def target_cd_m2(
             weights = _covered(measurement, equirectangular=equirectangular)
     weights = weights / weights.sum()
     if settings.robust:
-        tiles = soft_limit(tiles, LIMIT * _log_mean(tiles, weights))
+        # A lamp on the border of two tiles counts twice: little beside the decades that it does not count.
+        tiles = np.minimum(tiles, LIMIT * _log_mean(tiles, weights))
     mean = _log_mean(tiles, weights) if settings.target is Target.KRI else float((weights * tiles).sum())
     return max(mean, FLOOR_CD_M2)
-
-
-def soft_limit(tiles: Tiles, limit_cd_m2: float) -> Tiles:
-    """Luminances as they are up to a limit, and growing by the limit for each factor e above it: without a step."""
-    return np.where(tiles > limit_cd_m2, limit_cd_m2 * (1 + np.log(np.maximum(tiles / limit_cd_m2, 1))), tiles)
 
 
 def _log_mean(tiles: Tiles, weights: Tiles) -> float:
