@@ -82,7 +82,14 @@ def srgb_codes(linear: Float[Array, "eye 3 y x"], black_share: float) -> UInt8[A
 
 def matrix(source: Primaries, target: Primaries) -> NDArray[np.float64]:
     """What takes linear RGB of one set of primaries to another, both with D65 white: (target, source)."""
-    return np.asarray(np.linalg.solve(_to_xyz(target), _to_xyz(source)))
+    return np.asarray(np.linalg.solve(to_xyz(target), to_xyz(source)))
+
+
+def to_xyz(primaries: Primaries) -> NDArray[np.float64]:
+    """What takes linear RGB to XYZ, white at Y = 1 (SMPTE RP 177): (XYZ, RGB)."""
+    columns = np.array([[x / y, 1, (1 - x - y) / y] for x, y in primaries]).T
+    white = np.array([WHITE[0] / WHITE[1], 1, (1 - sum(WHITE)) / WHITE[1]])
+    return np.asarray(columns * np.linalg.solve(columns, white))
 
 
 def pq_cd_m2(signal: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -177,10 +184,3 @@ def _srgb_formula(shown: Float[Array, "..."]) -> UInt8[Array, "..."]:
     power = np.float32(1.055) * root - np.float32(0.055)
     encoded = jnp.where(shown <= np.float32(0.0031308), np.float32(12.92) * shown, power)
     return jnp.round(encoded * 255).astype(jnp.uint8)
-
-
-def _to_xyz(primaries: Primaries) -> NDArray[np.float64]:
-    """(XYZ, RGB), white at Y = 1 (SMPTE RP 177)."""
-    columns = np.array([[x / y, 1, (1 - x - y) / y] for x, y in primaries]).T
-    white = np.array([WHITE[0] / WHITE[1], 1, (1 - sum(WHITE)) / WHITE[1]])
-    return np.asarray(columns * np.linalg.solve(columns, white))

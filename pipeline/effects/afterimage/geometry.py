@@ -56,7 +56,7 @@ def turn(view: View, gaze_px: tuple[float, float]) -> NDArray[np.float32]:
 
 
 @functools.lru_cache(maxsize=4)
-def cell_directions(count: int) -> Float[Array, "3 row column"]:
+def cell_directions(count: int) -> Float[np.ndarray, "3 row column"]:
     """Where each cell of a map looks, in the eye's axes; rows go downwards."""
     deg = np.linspace(-HALF_FIELD_DEG, HALF_FIELD_DEG, count)
     right, up = deg[None, :], -deg[:, None]
@@ -64,7 +64,7 @@ def cell_directions(count: int) -> Float[Array, "3 row column"]:
     # sin(e)/e, in degrees, is π/180 at the fovea.
     share = np.sinc(eccentricity / 180) * math.radians(1)
     directions = np.stack([right * share, up * share, np.cos(np.radians(eccentricity))])
-    return jnp.asarray(directions, jnp.float32)
+    return directions.astype(np.float32)
 
 
 def node_directions(view: View) -> Float[Array, "3 row column"]:
@@ -105,6 +105,16 @@ def node_places(directions: Float[Array, "3 row column"], view: View) -> tuple[A
     return jnp.clip(y / side - 0.5, 0, rows - 1), jnp.clip(x / side - 0.5, 0, columns - 1), lit
 
 
+@jax.jit
 def sample(map_: Float[Array, "c row column"], row: Array, column: Array) -> Float[Array, "c *place"]:
     """A map between its entries, bilinear; places lie within it."""
-    return jax.vmap(lambda one: jax.scipy.ndimage.map_coordinates(one, [row, column], order=1, mode="nearest"))(map_)
+    rows, columns = map_.shape[1:]
+    flat = map_.reshape(map_.shape[0], -1)
+    top, left = (jnp.minimum(jnp.floor(place), last - 1) for place, last in ((row, rows), (column, columns)))
+    down, across = row - top, column - left
+    first = top.astype(jnp.int32) * columns + left.astype(jnp.int32)
+    # On the last row or column the next one counts for nothing.
+    right, below = jnp.where(left < columns - 1, 1, 0), jnp.where(top < rows - 1, columns, 0)
+    upper = flat[:, first] * (1 - across) + flat[:, first + right] * across
+    lower = flat[:, first + below] * (1 - across) + flat[:, first + below + right] * across
+    return upper * (1 - down) + lower * down

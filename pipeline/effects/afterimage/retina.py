@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 
 from pipeline.effects.afterimage import geometry
 from pipeline.effects.afterimage.settings import Afterimage
+from pipeline.effects.encode import REC709, to_xyz
 from pipeline.frame import View
 
 TAU_S = 110.0
@@ -27,6 +28,9 @@ TAU_S = 110.0
 HALF_TD = 10**4.3
 """Retinal illuminance that leaves half of it (Rushton & Henry 1968), of the L and M cones. The S cones', which nobody
 has measured well, are taken as the same."""
+
+CONES_OF_XYZ = ((0.40024, 0.70760, -0.08081), (-0.22630, 1.16532, 0.04570), (0.0, 0.0, 0.91822))
+"""L, M and S after Hunt, Pointer and Estévez. colour-science has it too, and takes seconds to import."""
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -76,11 +80,8 @@ def step(
 
 @functools.cache
 def cone_matrix() -> NDArray[np.float64]:
-    """What L, M and S cones catch of linear Rec.709, each 1 for white at Y = 1 (Hunt–Pointer–Estévez): (cone, RGB)."""
-    import colour  # takes seconds
-
-    to_xyz = colour.RGB_COLOURSPACES["ITU-R BT.709"].matrix_RGB_to_XYZ
-    catches = colour.adaptation.CHROMATIC_ADAPTATION_TRANSFORMS["Von Kries"] @ to_xyz
+    """What L, M and S cones catch of linear Rec.709, each 1 for white at Y = 1: (cone, RGB)."""
+    catches = np.array(CONES_OF_XYZ) @ to_xyz(REC709)
     return np.asarray(catches / catches.sum(1, keepdims=True))
 
 
@@ -101,6 +102,7 @@ def _step(
     light = jnp.maximum(geometry.sample(catches, row, column), 0) * lit * trolands_per_cd_m2
     relative = light / np.float32(HALF_TD)
     settled = relative / (1 + relative)
+    # In this form a light that stays is met exactly; b·exp(−x) + settled·(1 − exp(−x)) would stop 2e-5 short of it.
     return bleached + (settled - bleached) * -jnp.expm1(-dt_s * (1 + relative) / np.float32(TAU_S))
 
 
