@@ -7,6 +7,7 @@ for the share, so its largest value over a tile stands in a corner of the tile's
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -49,14 +50,15 @@ def passed_on(
         raise FrameError("night colour per pixel: pass the change of the frame in cd/m² as well")
     moved = np.zeros_like(change) if scene_change is None else scene_change
     shares = _shares(range_, change, adapted_cd_m2, settings, scene, moved)
-    # What was there and what the tint brings: linear in the share, so one of its ends is the worst.
     by_tint = _through_tint(change, adapted_cd_m2, settings.method)
-    blended = np.maximum(
-        (1 - shares.low) * change + shares.low * by_tint, (1 - shares.high) * change + shares.high * by_tint
-    )
-    if not shares.step.any():
-        return np.asarray(blended)
-    return np.asarray(blended + shares.step * _distance(range_.widened(change), adapted_cd_m2, settings.method))
+    out = np.empty_like(change)
+    for k in range(4):
+        # What was there and what the tint brings: linear in the share, so one of its ends is the worst.
+        ends = [(1 - end) * change[k] + end * by_tint[k] for end in (shares.low, shares.high)]
+        np.maximum(*ends, out=out[k])
+    if shares.step.any():
+        out += shares.step * _distance(range_.widened(change), adapted_cd_m2, settings.method)
+    return out
 
 
 def _shares(
@@ -79,9 +81,9 @@ def _shares(
         step = np.zeros(shape)
     if settings.method is not NightMethod.KRI_XY:
         return _Shares(low, high, step)
-    least, largest = _sum_per_luminance(range_.widened(change))
-    low, high = _of_blue(low, least), _of_blue(high, largest)
     moves = change.max(0) + scene_change[3] > 0
+    least, largest = _sum_per_luminance(range_.widened(change) if moves.any() else range_)
+    low, high = _of_blue(low, least), _of_blue(high, largest)
     return _Shares(low, high, np.where(moves, high - low, 0.0))
 
 
@@ -106,40 +108,43 @@ def _sum_per_luminance(range_: Range) -> tuple[Tiles, Tiles]:
 
 def _ratio(red: Tiles, green: Tiles, blue: Tiles) -> Tiles:
     """(X + Y + Z)/Y, not a number for black."""
-    rgb = np.stack([red, green, blue])
+    rgb = (red, green, blue)
     with np.errstate(invalid="ignore"):
-        return np.asarray(_sum(np.array(SUM_WEIGHTS), rgb) / _sum(np.array(LUMINANCE_WEIGHTS), rgb))
+        return np.asarray(_sum(SUM_WEIGHTS, rgb) / _sum(LUMINANCE_WEIGHTS, rgb))
 
 
 def _distance(range_: Range, adapted_cd_m2: float, method: NightMethod) -> Change:
     """Largest |tint·q − displayed| of a tile's pixels, in R, G, B and Y."""
     colour, seen_by = tint(method, adapted_cd_m2), np.array(weights(method))
     luminance = np.array(LUMINANCE_WEIGHTS)
-    difference = np.vstack([np.outer(colour, seen_by) - np.eye(3), (luminance @ colour) * seen_by - luminance])
-    middle, half = (range_.high + range_.low)[:3] / 2, (range_.high - range_.low)[:3] / 2
-    distance = np.stack([np.abs(_sum(row, middle)) + _sum(np.abs(row), half) for row in difference])
+    brightness = luminance @ colour
+    difference = np.vstack([np.outer(colour, seen_by) - np.eye(3), brightness * seen_by - luminance])
+    low, high = range_.low, range_.high
+    out = np.empty_like(low)
+    # Plane by plane: NumPy takes small arrays from memory that it has, larger ones from the system each time.
+    for row, weighed in enumerate(difference.tolist()):
+        least = _sum(weighed, [low[k] if weighed[k] > 0 else high[k] for k in range(3)])
+        most = _sum(weighed, [high[k] if weighed[k] > 0 else low[k] for k in range(3)])
+        np.maximum(most, -least, out=out[row])
     if method is NightMethod.RODS:
-        return np.asarray(distance)
+        return out
     # Rods that see as cones do see Y, whose range is often narrower than R's, G's and B's together.
-    low, high = range_.low[3], range_.high[3]
-    by_luminance = np.stack(
-        [
-            *(np.maximum(colour[k] * high - range_.low[k], range_.high[k] - colour[k] * low) for k in range(3)),
-            abs(luminance @ colour - 1) * high,
-        ]
-    )
-    return np.minimum(distance, by_luminance)
+    for k in range(3):
+        by_luminance = np.maximum(colour[k] * high[3] - low[k], high[k] - colour[k] * low[3])
+        np.minimum(out[k], by_luminance, out=out[k])
+    np.minimum(out[3], abs(brightness - 1) * high[3], out=out[3])
+    return out
 
 
-def _through_tint(change: Change, adapted_cd_m2: float, method: NightMethod) -> Change:
-    """What a change of a pixel does to tint·q."""
+def _through_tint(change: Change, adapted_cd_m2: float, method: NightMethod) -> list[Tiles]:
+    """What a change of a pixel does to tint·q, in R, G, B and Y."""
     colour = tint(method, adapted_cd_m2)
-    seen = _sum(np.array(weights(method)), change)
+    seen = _sum(weights(method), change)
     if method is not NightMethod.RODS:
         seen = np.minimum(seen, change[3])
-    return np.append(colour, np.array(LUMINANCE_WEIGHTS) @ colour)[:, None, None] * seen[None]
+    return [part * seen for part in (*colour, np.array(LUMINANCE_WEIGHTS) @ colour)]
 
 
-def _sum(by: Tiles, rgb: Tiles) -> Tiles:
+def _sum(by: Sequence[float], rgb: Sequence[Tiles] | Change) -> Tiles:
     """Written out: for three terms a matrix product wakes threads that cost more than they do."""
     return np.asarray(by[0] * rgb[0] + by[1] * rgb[1] + by[2] * rgb[2])
