@@ -4,16 +4,14 @@ from __future__ import annotations
 
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Array
 
 from pipeline.cost.plain import adaptation as plain_adaptation
 from pipeline.cost.plain.glare import prepare
 from pipeline.cost.ways.stage import Reals, Stage
 from pipeline.cost.ways.way import SKIPPED, Way, Ways
 from pipeline.effects import acuity, adaptation, rod_noise
-from pipeline.effects.acuity.krawczyk import krawczyk_acuity
-from pipeline.effects.acuity.reference import reference_acuity
-from pipeline.effects.acuity.settings import Acuity, AcuityMethod
+from pipeline.effects.acuity import Acuity, AcuityMethod, reference_acuity
 from pipeline.effects.adaptation import Adaptation, Target
 from pipeline.effects.glare import Glare, GlareLevel, GlareModel
 from pipeline.effects.glare.reference import of_mixture, reference_glare
@@ -90,20 +88,24 @@ def acuity_ways(stage: Stage) -> Ways:
     ppd = stage.scene.frame.view.ppd_centre
     settings = {method.value: Acuity(method=method) for method in AcuityMethod}
     settings |= {"krawczyk, no display limit": Acuity(method=AcuityMethod.KRAWCZYK, display_limit=False)}
+
+    def in_tiles() -> Array:
+        range_ = stage.measured_glared.range_cd_m2
+        dark = acuity.dark_tiles(range_, ppd, Acuity())
+        return acuity.reduce_acuity(rgb, ppd, Acuity(), dark, range_.tile_px)[0]
+
     return Ways(
         [
             Way(SKIPPED, None, AcuityMethod.FIT.value, lambda _: exact),
-            *(Way(name, lambda of=of: _reduced(rgb, ppd, of)[0], name, _image) for name, of in settings.items()),
+            Way("fit, dark tiles", in_tiles, AcuityMethod.FIT.value, _image),
+            *(
+                Way(name, lambda of=of: acuity.reduce_acuity(rgb, ppd, of)[0], name, _image)
+                for name, of in settings.items()
+            ),
         ],
         {name: lambda of=of: reference_acuity(exact[None], ppd, of)[0] for name, of in settings.items()},
         timed_truth=tuple(settings),
     )
-
-
-def _reduced(rgb: Float[Array, "eye 3 y x"], pixels_per_deg: float, settings: Acuity) -> Float[Array, "eye 3 y x"]:
-    if settings.method is AcuityMethod.FIT:
-        return acuity.dark_acuity(rgb)
-    return krawczyk_acuity(rgb, pixels_per_deg, settings.display_limit)
 
 
 def rod_noise_ways(stage: Stage) -> Ways:

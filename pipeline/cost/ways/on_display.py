@@ -1,4 +1,4 @@
-"""Ways of the effects whose images are on the display: tone mapping, night colour, encoding."""
+"""Ways of the effects whose images are on the display: tone mapping, night colour, afterimages, encoding."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ import colour
 import jax.numpy as jnp
 import msgspec
 import numpy as np
+from jaxtyping import Array
 from numpy.typing import NDArray
 
 from pipeline import mesopic
@@ -20,7 +21,8 @@ from pipeline.cost.plain import tone as plain_tone
 from pipeline.cost.plain.adaptation import luminance, rod_share
 from pipeline.cost.ways.stage import Reals, Stage
 from pipeline.cost.ways.way import SKIPPED, Way, Ways
-from pipeline.effects import encode, night_colour, tone
+from pipeline.effects import afterimage, encode, night_colour, tone
+from pipeline.effects.afterimage import Afterimage
 from pipeline.effects.night_colour import NightColour, NightMethod
 from pipeline.effects.night_colour.tints import tint, weights
 from pipeline.effects.tone import Hue, Operator, Tone
@@ -28,6 +30,11 @@ from pipeline.frame import Encoding
 
 CURVE = ([-3.0, -1.5, 0.0, 1.0, 2.0], [0.01, 0.1, 0.45, 0.85, 1.0])
 """A person's curve: log10 of luminance over the adapted one, share of the peak. Made up, to be timed."""
+
+STARED_S, ASIDE_DEG = 10.0, 8.0
+"""How long the eye has looked straight ahead, and how far to the right it then looks. Engineering choice: long enough
+to bleach, far enough for the afterimage to lie on other things than its cause."""
+CELLS_DEG, FINEST_CELL_DEG = (3.0, 1.5, Afterimage().cell_deg), 0.2
 
 
 def tone_ways(stage: Stage) -> Ways:
@@ -99,6 +106,39 @@ def night_colour_ways(stage: Stage) -> Ways:
             "lui, mesopic": lambda: plain_night.towards(exact, np.array(plain_night.TINT), mesopic.rod_share(adapted)),
             "lui, per pixel": by_pixel,
         },
+        unit_cd_m2=stage.display.peak_cd_m2,
+    )
+
+
+def afterimage_ways(stage: Stage) -> Ways:
+    """Maps of the retina against the finest, of an eye that has looked at the scene for STARED_S and then aside."""
+    shown = jnp.asarray(stage.tinted)[None]
+    exact, view = stage.tinted.astype(np.float64), stage.scene.frame.view
+    finest = f"{FINEST_CELL_DEG:g}° cells"
+
+    def seen(cell_deg: float) -> Array:
+        retina = afterimage.rested(Afterimage(on=True, cell_deg=cell_deg), stage.exposure)
+        retina = afterimage.step(
+            retina,
+            stage.rgb,
+            view,
+            view.pixel_of(0.0, 0.0),
+            pupil_mm=stage.pose.pupil_mm,
+            openness=1.0,
+            dt_s=STARED_S,
+            exposure=stage.exposure,
+        )
+        return afterimage.show(shown, [retina], view, [view.pixel_of(ASIDE_DEG, 0.0)])[0]
+
+    return Ways(
+        [
+            Way(SKIPPED, None, finest, lambda _: exact),
+            *(
+                Way(f"{cell_deg:g}° cells", lambda cell_deg=cell_deg: seen(cell_deg), finest, _image)
+                for cell_deg in (*CELLS_DEG, FINEST_CELL_DEG)
+            ),
+        ],
+        {finest: lambda: np.asarray(seen(FINEST_CELL_DEG), np.float64)},
         unit_cd_m2=stage.display.peak_cd_m2,
     )
 

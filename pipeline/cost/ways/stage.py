@@ -6,6 +6,7 @@ import dataclasses
 import functools
 import math
 
+import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 from numpy.typing import NDArray
@@ -15,6 +16,7 @@ from pipeline.cost.scenes import CostScene
 from pipeline.effects.glare import Glare, GlareLevel, GlareModel, Mixture, Sight, mixture, scatter
 from pipeline.effects.tone import ceiling_cd_m2
 from pipeline.frame import Display
+from pipeline.measure import Measurement, measure
 from pipeline.observer import Observer
 from pipeline.optics.aperture import Pose
 from pipeline.optics.pupil import watson_yellott_mm
@@ -81,6 +83,11 @@ class Stage:
     def glared(self) -> Float[np.ndarray, "3 y x"]:
         """What acuity starts from: the scene with the glare of all its light."""
         return np.maximum(np.asarray(self.glare(Glare(level=GlareLevel.FRAME))), 0)
+
+    @functools.cached_property
+    def measured_glared(self) -> Measurement:
+        """What that contains."""
+        return measure(dataclasses.replace(self.scene.frame, rgb_cd_m2=jnp.asarray(self.glared)[None]))[0]
 
     @functools.cached_property
     def resolved(self) -> Float[np.ndarray, "3 y x"]:
