@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+import statistics
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Annotated, NamedTuple
 
@@ -23,13 +24,15 @@ Milliseconds = Annotated[float, msgspec.Meta(ge=0.0, le=1e9)]
 CORRECTION = 0.1
 """Share of a frame's deviation that the model takes over. Engineering choice: ten frames, as a machine that turns slow
 must be noticed within half a second, and one slow frame must not count as much."""
-FORGETTING = 0.002
-"""Share of its own factor that a level loses in each frame in which it does not run. Engineering choice: 500 frames. A
-level given up after a few slow frames would never be measured again, and so never be taken again."""
+FORGETTING = 0.0002
+"""Share of its own factor that a level loses in each frame in which it does not run. Engineering choice: 5000 frames. A
+level given up after a few slow frames would never be measured again, and so never be taken again; but a trial of one
+that is truly too dear costs a few frames their budget, so not more than a few a minute.
+"""
 OUTLIER = 4.0
 """A time off by more than this factor counts as off by this factor: one frame that compiles takes seconds."""
 SLOWEST = 100.0
-"""The machine's factor lies between this and its inverse: beyond, a clock was wrong."""
+"""Factors lie between this and its inverse: beyond, a clock was wrong."""
 
 
 class Cost(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -183,25 +186,27 @@ def over_shipped(costs: Costs, pace: float = 1.0) -> dict[str, dict[str, Cost]]:
 def corrected(model: CostModel, timings: Iterable[Timing]) -> CostModel:
     """The model after one more frame: a moving mean, over frames, of the logarithm of measured over predicted.
 
-    All that ran decides the machine's pace together, each level its own deviation from it. A level that did not run
-    follows the machine, and slowly forgets what was its own. Live rendering alone calls this: its choices then depend
-    on the machine, as they should.
+    The median of all that ran is the machine's, the rest each level's own. Were it their sum, one dear level would
+    count as a slow machine, and once it is given up for that, the machine as fast enough to have it back. A level that
+    did not run follows the machine, and slowly forgets what was its own. Live rendering alone calls this: its choices
+    then depend on the machine, as they should.
     """
-    ran = [
-        (timing, model.ms(timing.effect, timing.level, timing.megapixels))
+    off = {
+        (timing.effect, timing.level): _off(timing.milliseconds, predicted)
         for timing in timings
-        if timing.effect in model.costs and timing.milliseconds > 0
-    ]
-    ran = [(timing, predicted) for timing, predicted in ran if predicted > 0]
-    if not ran:
+        if timing.effect in model.costs
+        and timing.milliseconds > 0
+        and (predicted := model.ms(timing.effect, timing.level, timing.megapixels)) > 0
+    }
+    if not off:
         return model
-    together = _off(sum(timing.milliseconds for timing, _ in ran), sum(predicted for _, predicted in ran))
+    # Of one or two none can say which is the machine's.
+    together = statistics.median(off.values()) if len(off) > 2 else 0.0
     pace = min(max(model.pace * math.exp(CORRECTION * together), 1 / SLOWEST), SLOWEST)
     own = {key: factor ** (1 - FORGETTING) for key, factor in model.own.items()}
-    for timing, predicted in ran:
-        key = (timing.effect, timing.level)
-        apart = _off(timing.milliseconds, predicted) - together
-        own[key] = model.own.get(key, 1.0) * math.exp(CORRECTION * apart)
+    for key, apart in off.items():
+        corrected_own = model.own.get(key, 1.0) * math.exp(CORRECTION * (apart - together))
+        own[key] = min(max(corrected_own, 1 / SLOWEST), SLOWEST)
     return dataclasses.replace(model, pace=pace, own=own)
 
 
