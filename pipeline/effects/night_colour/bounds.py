@@ -54,8 +54,8 @@ def passed_on(
     out = np.empty_like(change)
     for k in range(4):
         # What was there and what the tint brings: linear in the share, so one of its ends is the worst.
-        ends = [(1 - end) * change[k] + end * by_tint[k] for end in (shares.low, shares.high)]
-        np.maximum(*ends, out=out[k])
+        with_fewest, with_most = ((1 - end) * change[k] + end * by_tint[k] for end in (shares.low, shares.high))
+        out[k] = np.maximum(with_fewest, with_most)
     if shares.step.any():
         out += shares.step * _distance(range_.widened(change), adapted_cd_m2, settings.method)
     return out

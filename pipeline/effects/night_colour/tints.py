@@ -26,7 +26,7 @@ SUM_WEIGHTS = (0.6444632, 1.1919203, 1.2029166)
 BLUE_XY = (0.25, 0.25)
 """The chromaticity towards which KRI 4.28 blends (Jensen et al. 2001)."""
 ROD_XY = (0.28, 0.29)
-"""What white looks like to rods alone: the mean of night paintings that Jensen et al. 2001 measured (KRI §4.3)."""
+"""What white looks like to rods alone: the mean of paintings that Jensen et al. 2001 looked at (KRI, with 4.27)."""
 CONES = (
     (0.17816550, 0.44034866, 0.04007523),
     (0.03454299, 0.27508209, 0.03708498),
@@ -67,11 +67,11 @@ def tint(method: NightMethod, adapted_cd_m2: float) -> NDArray[np.float64]:
 
 
 def _rod_white(adapted_cd_m2: float) -> NDArray[np.float64]:
-    """White to rods: their signal adds to M − L, to S and, left at 1 here, to L + M (Kirk & O'Brien 2011, §4).
+    """White to rods: their signal adds to M − L, to S and, left at 1 here, to L + M (Kirk & O'Brien 2011).
 
-    Each channel takes it up with the gain g = (1 + 0.33·(q + κ·q_rod)/m)^−½ of its cones (Cao 2008), q in trolands. The
-    strengths of the two chromatic channels, free in both papers, are such that g = 1 gives ROD_XY: they come out in the
-    direction in which rods were matched by cones (Cao 2005), M over L and S raised.
+    Each channel takes it up with the gain g = (1 + 0.33·(q + κ·q_rod)/m)^−½ of its cones (Cao 2008), q in trolands.
+    Engineering choice: the strengths of the two chromatic channels are such that g = 1 gives ROD_XY. They come out in
+    the direction in which rods were matched by cones (Cao 2005), M over L and S raised.
     """
     cones = np.array(CONES)
     white = cones.sum(1)
