@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 from numpy.typing import NDArray
 
+from pipeline.effects.tone.hue import weighted
 from pipeline.effects.tone.seen import seen_peak_cd_m2, viewer_cd_m2
 from pipeline.frame import LUMINANCE_WEIGHTS, Display
 from pipeline.ranges import Range
@@ -31,22 +33,18 @@ def coefficients(adapted_cd_m2: float, display: Display) -> tuple[float, float]:
 
 
 def gain(
-    rgb: Float[Array, "eye 3 y x"],
+    planes: Sequence[Float[Array, "eye y x"]],
     y: Float[Array, "eye y x"],
     cones: Float[Array, "eye 1 1"],
     rods: Float[Array, "eye 1 1"],
 ) -> Float[Array, "eye y x"]:
-    """L_d/L = m_C + σ(L)·m_R·V/L (KRI 4.26), for components of 0 and more."""
-    return cones + rods * (np.float32(SEMISATURATION_CD_M2) / (np.float32(SEMISATURATION_CD_M2) + y)) * _ratio(rgb, y)
+    """L_d/L = m_C + σ(L)·m_R·V/L (KRI 4.26) of red, green and blue, each 0 or more.
 
-
-def _ratio(rgb: Float[Array, "eye 3 y x"], y: Float[Array, "eye y x"]) -> Float[Array, "eye y x"]:
-    """V/Y = 1.33·(1 + (Y+Z)/X) − 1.68 (Larson 1997, E4)."""
-    x, z = (
-        sum(np.float32(weight) * rgb[:, k] for k, weight in enumerate(weights)) for weights in (X_WEIGHTS, Z_WEIGHTS)
-    )
-    # A black pixel stays black whatever its ratio.
-    return np.float32(1.33) * (1 + (y + z) / jnp.maximum(x, np.float32(1e-30))) - np.float32(1.68)
+    V/L = 1.33·(1 + (Y+Z)/X) − 1.68 (Larson 1997, E4). A black pixel stays black whatever its ratio.
+    """
+    x, z = weighted(planes, X_WEIGHTS), weighted(planes, Z_WEIGHTS)
+    ratio = np.float32(1.33) * (1 + (y + z) / jnp.maximum(x, np.float32(1e-30))) - np.float32(1.68)
+    return cones + rods * (np.float32(SEMISATURATION_CD_M2) / (np.float32(SEMISATURATION_CD_M2) + y)) * ratio
 
 
 def ratios(low: NDArray[np.float64], high: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:

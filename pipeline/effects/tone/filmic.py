@@ -82,9 +82,8 @@ def steepest(low: NDArray[np.float64], high: NDArray[np.float64]) -> NDArray[np.
 def gain(y: Float[Array, "eye y x"], scale: Float[Array, "eye 1 1"]) -> Float[Array, "eye y x"]:
     """The curve of luminance over luminance, for hues that are kept: L_d/L, finite at 0."""
     x = y * scale
-    # Beyond FULL the curve's share is 1. At FLAT squares are still far from overflow.
-    flat = jnp.minimum(x, np.float32(FLAT))
-    return scale * jnp.where(x < np.float32(FULL), _per_x(flat), 1 / jnp.maximum(x, np.float32(1)))
+    # From FULL on the curve lies above 1 and the second is the smaller.
+    return scale * jnp.minimum(_per_x(jnp.minimum(x, np.float32(FLAT))), 1 / x)
 
 
 def _per_x(x: Values) -> Values:

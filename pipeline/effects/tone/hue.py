@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
@@ -9,21 +11,33 @@ from numpy.typing import NDArray
 
 from pipeline.effects.tone.settings import Hue
 from pipeline.frame import LUMINANCE_WEIGHTS
-from pipeline.measure import luminance
 
 WEIGHTS = np.array(LUMINANCE_WEIGHTS)
 
 
-def within(rgb: Float[Array, "eye 3 y x"], hue: Hue) -> Float[Array, "eye 3 y x"]:
-    """Components of 0 and more brought within [0, 1]."""
+def weighted(planes: Sequence[Float[Array, "eye y x"]], weights: Sequence[float]) -> Float[Array, "eye y x"]:
+    """A weighted sum of three planes."""
+    red, green, blue = (np.float32(weight) * plane for weight, plane in zip(weights, planes, strict=True))
+    return red + green + blue
+
+
+def divisor(
+    planes: Sequence[Float[Array, "eye y x"]],
+    y: Float[Array, "eye y x"],
+    gain: Float[Array, "eye #y #x"],
+    offset: Float[Array, "eye 1 1"],
+    hue: Hue,
+) -> Float[Array, "eye #y #x"]:
+    """What components·gain + offset, of luminance y·gain + offset, are divided by before they end at 1."""
     match hue:
         case Hue.RGB:
-            rgb = rgb / jnp.maximum(rgb.max(1, keepdims=True), 1)
+            # By pairs: a reduction over three planes costs more.
+            largest = jnp.maximum(jnp.maximum(planes[0], planes[1]), planes[2])
+            return jnp.maximum(largest * gain + offset, 1)
         case Hue.XYY:
-            rgb = rgb / jnp.maximum(luminance(rgb)[:, None], 1)
+            return jnp.maximum(y * gain + offset, 1)
         case Hue.CLIP:
-            pass
-    return jnp.minimum(rgb, 1)
+            return jnp.ones_like(gain)
 
 
 def range_within(

@@ -8,6 +8,7 @@ import functools
 import math
 from pathlib import Path
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
@@ -108,8 +109,10 @@ def gain(
     first = unit * jnp.exp(first_log10 * np.float32(math.log(10)))
     y = jnp.maximum(y, first)
     at = jnp.log(y / first) * (1 / (step_log10 * np.float32(math.log(10))))
+    # The barrier keeps the logarithm apart from the look-up, which is no vector code.
+    at = jax.lax.optimization_barrier(at)
     below = jnp.clip(at.astype(jnp.int32), 0, shares.shape[0] - 2)
-    left, right = shares[below], shares[below + 1]
+    left, right = (shares.at[cell].get(mode="promise_in_bounds") for cell in (below, below + 1))
     return (left + (right - left) * jnp.minimum(at - below, 1)) / y
 
 

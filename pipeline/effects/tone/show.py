@@ -12,11 +12,10 @@ from jaxtyping import Array, Float
 
 from pipeline.effects.adaptation import exposure
 from pipeline.effects.tone import durand, filmic, own_curve, reinhard, ward
-from pipeline.effects.tone.hue import within
+from pipeline.effects.tone.hue import divisor, weighted
 from pipeline.effects.tone.seen import seen_peak_cd_m2
 from pipeline.effects.tone.settings import Hue, Operator, Tone
-from pipeline.frame import Display
-from pipeline.measure import luminance
+from pipeline.frame import LUMINANCE_WEIGHTS, Display
 
 _BRIGHTEST = 1e15
 """cd/m². A million suns: products of what is brighter would overflow."""
@@ -93,17 +92,24 @@ def _show(
     hue: Hue,
 ) -> Float[Array, "eye 3 y x"]:
     first, last = numbers[:, 0, None, None], numbers[:, -1, None, None]
-    rgb = jnp.clip(rgb, 0, np.float32(_BRIGHTEST))
-    y = luminance(rgb)
+    # Plane by plane, and the result clipped instead of `rgb`: a clipped copy of it all costs four times as much.
+    planes = [jnp.clip(rgb[:, k], 0, np.float32(_BRIGHTEST)) for k in range(3)]
+    y = weighted(planes, LUMINANCE_WEIGHTS)
+    offset = jnp.zeros_like(first)
     match operator:
         case Operator.ACES:
-            mapped = rgb * filmic.gain(y, first)[:, None]
+            gain = filmic.gain(y, first)
         case Operator.REINHARD:
-            mapped = rgb * reinhard.gain(y, first, last)[:, None]
+            gain = reinhard.gain(y, first, last)
         case Operator.WARD:
-            mapped = rgb * first[:, None] + last[:, None]
+            gain, offset = first, last
         case Operator.DURAND:
-            mapped = rgb * durand.gain(rgb, y, first, last)[:, None]
+            gain = durand.gain(planes, y, first, last)
         case Operator.CURVE:
-            mapped = rgb * own_curve.gain(y, first, first_log10, step_log10, shares)[:, None]
-    return within(mapped, hue)
+            gain = own_curve.gain(y, first, first_log10, step_log10, shares)
+    divided_by = divisor(planes, y, gain, offset, hue)
+    # Without the barrier XLA works the gain out for each component anew.
+    mapped = jnp.maximum(rgb, 0) * jax.lax.optimization_barrier(gain / divided_by)[:, None]
+    if operator is Operator.WARD:
+        mapped = mapped + (offset / divided_by)[:, None]
+    return jnp.clip(mapped, 0, 1)
