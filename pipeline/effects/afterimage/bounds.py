@@ -8,6 +8,8 @@ a tile it is no more than at the nodes that its pixels lie between.
 
 from __future__ import annotations
 
+import functools
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -20,7 +22,7 @@ from pipeline.ranges import Change, Range
 
 def skipped(range_: Range, retina: Retina, view: View, gaze_px: tuple[float, float]) -> Change:
     """The most that leaving afterimages out changes any pixel of each tile."""
-    alike, apart, light = _over_tiles(range_, retina, view, gaze_px)
+    alike, apart, light = _over_tiles(range_.tile_px, retina, view, gaze_px)
     low, high = range_.low[:3], range_.high[:3]
     less = _changed(high, alike, apart)
     rgb = less + light * np.maximum(np.abs(1 - low), np.abs(1 - high))
@@ -29,7 +31,7 @@ def skipped(range_: Range, retina: Retina, view: View, gaze_px: tuple[float, flo
 
 def passed_on(change: Change, range_: Range, retina: Retina, view: View, gaze_px: tuple[float, float]) -> Change:
     """What becomes of a change that came before them. They are linear in the frame, so its range does not matter."""
-    alike, apart, _ = _over_tiles(range_, retina, view, gaze_px)
+    alike, apart, _ = _over_tiles(range_.tile_px, retina, view, gaze_px)
     return _with_luminance(change[:3] + _changed(change[:3], alike, apart))
 
 
@@ -45,21 +47,19 @@ def _with_luminance(rgb: NDArray[np.float64]) -> Change:
     return np.concatenate([rgb, y[None]])
 
 
+@functools.lru_cache(maxsize=8)
 def _over_tiles(
-    range_: Range, retina: Retina, view: View, gaze_px: tuple[float, float]
+    tile_px: int, retina: Retina, view: View, gaze_px: tuple[float, float]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-    """The largest |m|, |d_c| and s of each tile: (1 or 3, rows, columns)."""
+    """The largest |m|, |d_c| and s of each tile: (1 or 3, rows, columns). A plan asks for them several times."""
     layer = seen(retina, view, gaze_px)
     change = np.asarray(layer.change, np.float64)
     alike = change.mean(0, keepdims=True)
     values = np.concatenate([np.abs(alike), np.abs(change - alike), np.asarray(layer.light, np.float64)])
-    side, size = geometry.node_px(view), (view.height_px, view.width_px)
-    for axis in (1, 2):
-        last = values.shape[axis] - 1
-        tiles = []
-        for begin in range(0, size[axis - 1], range_.tile_px):
-            end = min(begin + range_.tile_px, size[axis - 1])
-            nodes = slice(max(begin // side - 1, 0), min((end - 1) // side + 1, last) + 1)
-            tiles.append(values.take(range(*nodes.indices(last + 1)), axis).max(axis))
-        values = np.stack(tiles, axis)
+    for axis, side, size in zip((1, 2), geometry.node_px(view), (view.height_px, view.width_px), strict=True):
+        ends = [min(begin + tile_px, size) for begin in range(0, size, tile_px)]
+        # The nodes that the pixels of a tile lie between; beyond the last there is none.
+        nodes = [range(max(k * tile_px // side - 1, 0), (end - 1) // side + 2) for k, end in enumerate(ends)]
+        moved = np.moveaxis(values, axis, 0)
+        values = np.moveaxis(np.stack([moved[span.start : span.stop].max(0) for span in nodes]), 0, axis)
     return values[:1], values[1:4], values[4:]

@@ -33,15 +33,24 @@ def cells(cell_deg: float) -> int:
     return 2 * round(HALF_FIELD_DEG / cell_deg) + 1
 
 
-def node_px(view: View) -> int:
-    """Distance of a frame's nodes; each stands in the middle of a square of so many pixels."""
-    return -(-max(view.width_px, view.height_px) // NODES)
+@functools.lru_cache(maxsize=16)
+def node_px(view: View) -> tuple[int, int]:
+    """Distance of a frame's nodes downwards and across; each stands in the middle of a rectangle of so many pixels.
+
+    One that leaves no rest, if there is one up to half as large again: a frame of blocks is worked on in one piece.
+    """
+    least = -(-max(view.width_px, view.height_px) // NODES)
+    sizes = view.height_px, view.width_px
+    down, across = (
+        next((side for side in range(least, least * 3 // 2 + 1) if size % side == 0), least) for size in sizes
+    )
+    return down, across
 
 
 def node_counts(view: View) -> tuple[int, int]:
     """Nodes along a frame's height and width."""
-    side = node_px(view)
-    return -(-view.height_px // side), -(-view.width_px // side)
+    down, across = node_px(view)
+    return -(-view.height_px // down), -(-view.width_px // across)
 
 
 def turn(view: View, gaze_px: tuple[float, float]) -> NDArray[np.float32]:
@@ -70,9 +79,9 @@ def cell_directions(count: int) -> Float[np.ndarray, "3 row column"]:
 def node_directions(view: View) -> Float[Array, "3 row column"]:
     """Where each node of a frame lies, in the head's axes, unit vectors."""
     rows, columns = node_counts(view)
-    side = np.float32(node_px(view))
-    right = (side * (jnp.arange(columns, dtype=jnp.float32) + 0.5) - view.width_px / 2) / np.float32(view.focal_px)
-    up = (view.height_px / 2 - side * (jnp.arange(rows, dtype=jnp.float32) + 0.5)) / np.float32(view.focal_px)
+    down, across = (np.float32(side) for side in node_px(view))
+    right = (across * (jnp.arange(columns, dtype=jnp.float32) + 0.5) - view.width_px / 2) / np.float32(view.focal_px)
+    up = (view.height_px / 2 - down * (jnp.arange(rows, dtype=jnp.float32) + 0.5)) / np.float32(view.focal_px)
     right, up = jnp.broadcast_arrays(right[None, :], up[:, None])
     ahead = 1 / jnp.sqrt(1 + right * right + up * up)
     return jnp.stack([right * ahead, up * ahead, ahead])
@@ -100,9 +109,13 @@ def node_places(directions: Float[Array, "3 row column"], view: View) -> tuple[A
     y = view.height_px / 2 - np.float32(view.focal_px) * up / depth
     edge = EDGE_SHARE * max(view.width_px, view.height_px)
     lit = (ahead > 1e-3) & (x > -edge) & (x < view.width_px + edge) & (y > -edge) & (y < view.height_px + edge)
-    side = np.float32(node_px(view))
+    down, across = node_px(view)
     rows, columns = node_counts(view)
-    return jnp.clip(y / side - 0.5, 0, rows - 1), jnp.clip(x / side - 0.5, 0, columns - 1), lit
+    return (
+        jnp.clip(y / np.float32(down) - 0.5, 0, rows - 1),
+        jnp.clip(x / np.float32(across) - 0.5, 0, columns - 1),
+        lit,
+    )
 
 
 @jax.jit

@@ -51,16 +51,20 @@ def rested(settings: Afterimage, exposure: float = 1.0) -> Retina:
 
 def step(
     retina: Retina,
-    rgb_cd_m2: Float[Array, "3 y x"],
+    rgb_cd_m2: Float[Array, "*eye 3 y x"],
     view: View,
     gaze_px: tuple[float, float],
     *,
+    image: int = 0,
     pupil_mm: float,
     openness: float,
     dt_s: float,
     exposure: float,
 ) -> Retina:
     """The retina after it has seen a frame for `dt_s`; none of its light comes through closed lids (openness 0).
+
+    Of a frame of two images, `image` says which is this eye's. The frame is the scene as it stands before the eye: were
+    it the one with glare, what is bleached would depend on what a plan left out.
 
     Lids that are half down let half of it in. Time that stands still or goes backwards bleaches nothing and brings
     nothing back. `exposure` is what the eye is adapted to now (adaptation.exposure).
@@ -70,6 +74,7 @@ def step(
         retina.bleached,
         rgb_cd_m2,
         view,
+        image,
         geometry.turn(view, gaze_px),
         np.float32(trolands_per_cd_m2),
         np.float32(max(dt_s, 0.0)),
@@ -85,17 +90,20 @@ def cone_matrix() -> NDArray[np.float64]:
     return np.asarray(catches / catches.sum(1, keepdims=True))
 
 
-@functools.partial(jax.jit, static_argnames="view")
+@functools.partial(jax.jit, static_argnames=("view", "image"))
 def _step(
     bleached: Float[Array, "3 row column"],
-    rgb_cd_m2: Float[Array, "3 y x"],
+    rgb_cd_m2: Float[Array, "*eye 3 y x"],
     view: View,
+    image: int,
     turn: Float[Array, "3 3"],
     trolands_per_cd_m2: Float[Array, ""],
     dt_s: Float[Array, ""],
     cones: Float[Array, "3 3"],
 ) -> Float[Array, "3 row column"]:
-    catches = jnp.einsum("cj,jyx->cyx", cones, low_resolution(rgb_cd_m2, view))
+    # Here, not before: a slice of a frame would be a copy of it.
+    one = rgb_cd_m2[image] if rgb_cd_m2.ndim == 4 else rgb_cd_m2
+    catches = jnp.einsum("cj,jyx->cyx", cones, low_resolution(one, view))
     directions = jnp.einsum("ij,jyx->iyx", turn, geometry.cell_directions(bleached.shape[1]))
     row, column, lit = geometry.node_places(directions, view)
     # Glare's spectral colours lie outside Rec.709: a cone may seem to catch less than nothing.
@@ -108,8 +116,7 @@ def _step(
 
 def low_resolution(rgb: Float[Array, "3 y x"], view: View) -> Float[Array, "3 row column"]:
     """A frame's mean around each of its nodes."""
-    side = geometry.node_px(view)
-    for axis in (1, 2):
+    for axis, side in zip((1, 2), geometry.node_px(view), strict=True):
         size = rgb.shape[axis]
         whole = size - size % side
         parts = []
@@ -118,5 +125,6 @@ def low_resolution(rgb: Float[Array, "3 y x"], view: View) -> Float[Array, "3 ro
                 part = jax.lax.slice_in_dim(rgb, begin, end, axis=axis)
                 shape = (*part.shape[:axis], -1, min(side, end - begin), *part.shape[axis + 1 :])
                 parts.append(part.reshape(shape).mean(axis + 1))
-        rgb = jnp.concatenate(parts, axis)
+        # Rows first, in a pass of their own: XLA vectorises that one, and the second is small.
+        rgb = jax.lax.optimization_barrier(jnp.concatenate(parts, axis))
     return rgb

@@ -39,45 +39,64 @@ def show(
     )
 
 
-@functools.partial(jax.jit, static_argnames="side")
+@functools.partial(jax.jit, static_argnames="sides")
 def _show(
     displayed: Float[Array, "eye 3 y x"],
     change: Float[Array, "eye 3 row column"],
     light: Float[Array, "eye 3 row column"],
-    side: int,
+    sides: tuple[int, int],
     cones: Float[Array, "3 3"],
     to_rgb: Float[Array, "3 3"],
 ) -> Float[Array, "eye 3 y x"]:
     height, width = displayed.shape[2:]
-    change, light = (_between(_between(nodes, side, height, 2), side, width, 3) for nodes in (change, light))
-    red, green, blue = displayed[:, 0], displayed[:, 1], displayed[:, 2]
+    down, across = sides
+    nodes = _across(jnp.concatenate([change, light], 1), across, width)
+    whole = height // down
+    # In blocks of rows that lie between the same nodes: along a row there is nothing to look up.
+    parts = [_block(displayed[:, :, : whole * down], nodes, 0, down, down, cones, to_rgb)]
+    if height % down:
+        parts.append(_block(displayed[:, :, whole * down :], nodes, whole, down, height % down, cones, to_rgb))
+    return parts[0] if len(parts) == 1 else jnp.concatenate(parts, 2)
+
+
+def _block(
+    displayed: Float[Array, "eye 3 y x"],
+    nodes: Float[Array, "eye 6 row+2 x"],
+    first: int,
+    side: int,
+    rows: int,
+    cones: Float[Array, "3 3"],
+    to_rgb: Float[Array, "3 3"],
+) -> Float[Array, "eye 3 y x"]:
+    """Blocks of so many rows, one around each node from `first` on."""
+    image = displayed.reshape(*displayed.shape[:2], -1, rows, displayed.shape[3])
+    count = image.shape[2]
+    weights = _weights(side)[:, :rows, None]
+    layers = sum(weights[k] * nodes[:, :, first + k : first + k + count, None] for k in range(3))
+    red, green, blue = image[:, 0], image[:, 1], image[:, 2]
     more = [
-        change[:, cone] * (cones[cone, 0] * red + cones[cone, 1] * green + cones[cone, 2] * blue) for cone in range(3)
+        layers[:, cone] * (cones[cone, 0] * red + cones[cone, 1] * green + cones[cone, 2] * blue) for cone in range(3)
     ]
-    changed = jnp.stack([to_rgb[k, 0] * more[0] + to_rgb[k, 1] * more[1] + to_rgb[k, 2] * more[2] for k in range(3)], 1)
-    changed = displayed + changed
-    return changed + light * (1 - changed)
+    channels = []
+    for k in range(3):
+        changed = image[:, k] + to_rgb[k, 0] * more[0] + to_rgb[k, 1] * more[1] + to_rgb[k, 2] * more[2]
+        channels.append(changed + layers[:, 3 + k] * (1 - changed))
+    return jnp.stack(channels, 1).reshape(displayed.shape)
 
 
-def _between(nodes: Float[Array, "eye 3 _ _"], side: int, size: int, axis: int) -> Float[Array, "eye 3 _ _"]:
-    """Values at each pixel along an axis, linear between nodes and constant beyond the outer ones."""
-    count = nodes.shape[axis]
-    padded = jnp.concatenate(
-        [
-            jax.lax.slice_in_dim(nodes, 0, 1, axis=axis),
-            nodes,
-            jax.lax.slice_in_dim(nodes, count - 1, count, axis=axis),
-        ],
-        axis,
-    )
-    before, here, after = (
-        jnp.expand_dims(jax.lax.slice_in_dim(padded, k, k + count, axis=axis), axis + 1) for k in range(3)
-    )
-    shape = [1] * (nodes.ndim + 1)
-    shape[axis + 1] = side
-    from_middle = ((np.arange(side) + 0.5) / side - 0.5).astype(np.float32).reshape(shape)
-    pixels = (
-        np.maximum(-from_middle, 0) * before + (1 - np.abs(from_middle)) * here + np.maximum(from_middle, 0) * after
-    )
-    merged = pixels.reshape(*nodes.shape[:axis], count * side, *nodes.shape[axis + 1 :])
-    return jax.lax.slice_in_dim(merged, 0, size, axis=axis)
+def _across(nodes: Float[Array, "eye 6 row column"], side: int, width: int) -> Float[Array, "eye 6 row+2 x"]:
+    """Values between nodes along each row, constant beyond the outer ones; the outer rows twice."""
+    count = nodes.shape[3]
+    padded = jnp.pad(nodes, ((0, 0), (0, 0), (0, 0), (1, 1)), mode="edge")
+    weights = _weights(side)
+    pixels = sum(weights[k] * padded[..., k : k + count, None] for k in range(3))
+    rows = pixels.reshape(*nodes.shape[:3], -1)[..., :width]
+    # A pass of its own: within the next one, each pixel would ask anew whether it lies at an edge.
+    return jax.lax.optimization_barrier(jnp.pad(rows, ((0, 0), (0, 0), (1, 1), (0, 0)), mode="edge"))
+
+
+def _weights(side: int) -> Float[np.ndarray, "3 side"]:
+    """Of the node before, the nearest and the one after, for each pixel of a node's own."""
+    from_node = (np.arange(side) + 0.5) / side - 0.5
+    weights = np.stack([np.maximum(-from_node, 0), 1 - np.abs(from_node), np.maximum(from_node, 0)])
+    return weights.astype(np.float32)

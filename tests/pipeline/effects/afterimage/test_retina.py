@@ -177,12 +177,37 @@ def test_directions_of_cells_come_back_to_their_cells() -> None:
 
 
 def test_low_resolution_is_the_mean_around_each_node() -> None:
-    view = View(300, 131, 60.0)  # three pixels a node; the last row has two
+    view = View(300, 131, 60.0)  # three pixels a node, since 131 is prime; the last row has two
     rgb = np.random.default_rng(0).random((3, 131, 300)).astype(np.float32)
     small = np.asarray(low_resolution(jnp.asarray(rgb), view))
-    assert (geometry.node_px(view), small.shape[1:]) == (3, geometry.node_counts(view))
+    assert (geometry.node_px(view), small.shape[1:]) == ((3, 3), geometry.node_counts(view))
     np.testing.assert_allclose(small[:, 5, 7], rgb[:, 15:18, 21:24].mean((1, 2)), rtol=1e-5)
     np.testing.assert_allclose(small[:, -1, -1], rgb[:, 129:, 297:].mean((1, 2)), rtol=1e-5)
+
+
+@pytest.mark.parametrize(("size", "sides"), [((1440, 1600), (16, 15)), ((128, 90), (1, 1)), ((1087, 700), (10, 9))])
+def test_nodes_leave_no_rest_where_they_can(size: tuple[int, int], sides: tuple[int, int]) -> None:
+    assert geometry.node_px(View(*size)) == sides
+    for count, pixels, side in zip(geometry.node_counts(View(*size)), (size[1], size[0]), sides, strict=True):
+        assert count <= geometry.NODES
+        assert (count - 1) * side < pixels <= count * side
+
+
+def test_an_eye_sees_its_own_image_of_a_frame() -> None:
+    images = [lamp(1e5, 90, 75), lamp(1e5, 40, 40)]
+    for k, image in enumerate(images):
+        of_frame = step(
+            rested(SETTINGS),
+            jnp.stack(images),
+            VIEW,
+            MIDDLE,
+            image=k,
+            pupil_mm=4.0,
+            openness=1.0,
+            dt_s=1.0,
+            exposure=1.0,
+        )
+        np.testing.assert_array_equal(of_frame.bleached, after(rested(SETTINGS), image, 1.0).bleached)
 
 
 def test_a_new_resolution_goes_on_with_the_same_retina() -> None:
