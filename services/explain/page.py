@@ -8,9 +8,8 @@ from pathlib import Path
 import numpy as np
 from matplotlib.figure import Figure, SubFigure
 
-from pipeline import FrameError, Step
+from pipeline import Effect, FrameError, Step
 from pipeline.measure import luminance
-from pipeline.plan import Effect
 from services.explain import panels, plan_panels
 from services.explain.panels import INK, side_by_side
 from services.explain.plan_panels import Entry
@@ -22,8 +21,8 @@ DPI, WIDTH_IN = 100, 17.0
 COLOURS = dict(
     zip(
         (effect.value for effect in Effect),
-        ("#5d6470", "#c8553d", "#2a6fbb", "#b8860b", "#8a5aa8", "#3a8f5a", "#1a8f94", "#b0457f"),
-        strict=False,
+        ("#5d6470", "#c8553d", "#2a6fbb", "#1a8f94", "#b8860b", "#8a5aa8", "#3a8f5a"),
+        strict=True,
     )
 )
 ROW_IN = 6.0
@@ -75,11 +74,10 @@ def write(path: Path, subject: Subject, explained: Explained, timeline: Timeline
 def _entry(step: Step, explained: Explained) -> Entry:
     touch = explained.touched.get(step.effect)
     milliseconds = explained.planned.milliseconds.get(step.effect) if step.runs else None
-    bound = getattr(step, "bound_code_values", None)
     return Entry(
         step.effect.value,
         step.level,
-        "" if bound is None else f"{bound:.2g}",
+        "" if step.bound_code_values == 0 else f"{step.bound_code_values:.2g}",
         "" if touch is None else f"{touch.largest:.0f}",
         "" if milliseconds is None else f"{milliseconds:.1f}",
         step.reason,
@@ -103,7 +101,7 @@ def _images(part: SubFigure, subject: Subject, explained: Explained) -> None:
     panels.luminances(part, light, cd_m2, gaze_px, lights_px, planned.state.adapted_cd_m2)
     difference = side_by_side(explained.difference)
     largest, differ = np.abs(difference).max(), (difference != 0).mean()
-    title = f"full minus planned: {largest:.0f} at most, {differ:.1%} of pixels differ"
+    title = f"full minus planned: {largest:.0f} (bound {planned.plan.bound_code_values:.2g}), {differ:.1%} of pixels"
     panels.difference(part, apart, difference, title)
 
 

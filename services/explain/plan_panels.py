@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from matplotlib.axes import Axes
 
-from pipeline.plan import SKIPPED
+from pipeline.plan import OFF, SKIPPED
 from services.explain.panels import FAINT, INK
 from services.explain.timeline import Span, Timeline
 
@@ -73,7 +73,7 @@ def levels(axes: Axes, timeline: Timeline, colours: Mapping[str, str], at_s: flo
     whole_s = max(timeline.spans[0].end_s, *(span.end_s for span in timeline.spans)) - float(timeline.t_s[0])
     for span in timeline.spans:
         row = effects.index(span.effect)
-        runs = span.level != SKIPPED
+        runs = span.level not in (SKIPPED, OFF)
         wide = span.end_s - span.begin_s
         axes.barh(
             row, wide, left=span.begin_s, height=0.7, color=colours[span.effect] if runs else "#eceef0",

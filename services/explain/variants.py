@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-import contextlib
 import dataclasses
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 
 import numpy as np
 from jaxtyping import Float
+from msgspec.structs import replace
 
-from pipeline import Glare, GlareLevel, Perceived, Plan, RenderState, Step, perceive, render
-from pipeline.plan import SKIPPED, Effect
+from pipeline import Effect, Perceived, Planning, RenderState, perceive
 from services.explain.subject import Subject
 
 ALWAYS = frozenset({Effect.ADAPTATION, Effect.TONE})
@@ -43,7 +42,7 @@ class Explained:
 
     planned: Perceived
     full: Perceived
-    """Every effect on, at its best."""
+    """Every effect on, as the settings ask for it."""
     touched: dict[Effect, Touch]
     """By each effect that ran and can be left out."""
 
@@ -55,18 +54,18 @@ class Explained:
 
 
 def explain(subject: Subject, done: Callable[[], None] = lambda: None) -> Explained:
-    """Perceives the frame in all its variants. `done` is told of each; there are at most `variants()` of them."""
-    _perceive(subject, subject.settings.glare, _as_it_is)  # compiles: its times mean nothing
+    """Perceives the frame in all its variants. `done` is told of each; there are `variants()` of them at most."""
+    planning = subject.settings.plan
+    _perceive(subject, planning)  # compiles: its times mean nothing
     done()
-    planned = _perceive(subject, subject.settings.glare, _as_it_is)
+    planned = _perceive(subject, planning)
     done()
-    best = Glare(subject.settings.glare.model, GlareLevel.FRAME, subject.settings.glare.above_display)
-    full = _perceive(subject, best, _everything)
+    full = _perceive(subject, Planning(everything=True))
     done()
     touched = {}
     for step in planned.plan:
         if step.runs and step.effect not in ALWAYS:
-            without = _perceive(subject, subject.settings.glare, _without(step.effect))
+            without = _perceive(subject, replace(planning, leave_out=planning.leave_out | {step.effect}))
             touched[step.effect] = Touch(np.abs(code_values(planned) - code_values(without)).max(-1))
         done()
     return Explained(planned, full, touched)
@@ -83,39 +82,13 @@ def code_values(perceived: Perceived) -> Float[np.ndarray, "eye y x 3"]:
     return image.astype(np.float64) * (255.0 if np.issubdtype(image.dtype, np.floating) else 1.0)
 
 
-def _perceive(subject: Subject, glare: Glare, revised: Callable[[Plan], Plan]) -> Perceived:
-    with _plans(revised):
-        return perceive(
-            subject.frame,
-            subject.looking,
-            observer=subject.settings.observer,
-            display=subject.settings.display,
-            state=None if subject.adapted_cd_m2 is None else RenderState(subject.adapted_cd_m2),
-            glare=glare,
-        )
-
-
-def _as_it_is(plan: Plan) -> Plan:
-    return plan
-
-
-def _everything(plan: Plan) -> Plan:
-    return tuple(step if step.runs else Step(step.effect, "on", "everything is on") for step in plan)
-
-
-def _without(effect: Effect) -> Callable[[Plan], Plan]:
-    def left_out(plan: Plan) -> Plan:
-        return tuple(Step(effect, SKIPPED, "left out") if step.effect == effect else step for step in plan)
-
-    return left_out
-
-
-@contextlib.contextmanager
-def _plans(revised: Callable[[Plan], Plan]) -> Iterator[None]:
-    """Within it, plans are revised before they run."""
-    make = render.make_plan
-    render.make_plan = lambda *given, **named: revised(make(*given, **named))
-    try:
-        yield
-    finally:
-        render.make_plan = make
+def _perceive(subject: Subject, planning: Planning) -> Perceived:
+    return perceive(
+        subject.frame,
+        subject.looking,
+        observer=subject.settings.observer,
+        display=subject.settings.display,
+        state=None if subject.adapted_cd_m2 is None else RenderState(subject.adapted_cd_m2),
+        effects=subject.settings,
+        planning=planning,
+    )

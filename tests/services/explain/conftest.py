@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pipeline import Frame, Glare, GlareLevel, Looking
+from pipeline import Frame, Looking
 from pipeline.plan import Effect
 from pipeline.sinks.images import write_exr
 from services.explain.subject import Subject
@@ -31,7 +31,7 @@ def lamp() -> np.ndarray:
 @pytest.fixture(scope="session")
 def subject(lamp: np.ndarray) -> Subject:
     frame = Frame.from_rgb(lamp, FOV_DEG)
-    return Subject("a lamp", frame, (Looking(5.0, -3.0, 5.0),), Settings(glare=Glare(level=GlareLevel.VEIL)), (0.3,))
+    return Subject("a lamp", frame, (Looking(5.0, -3.0, 5.0),), Settings(), (0.3,))
 
 
 @pytest.fixture(scope="session")

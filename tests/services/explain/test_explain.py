@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from pathlib import Path
 
 import numpy as np
@@ -14,10 +15,10 @@ from hypothesis.extra import numpy as arrays
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure, SubFigure
 from matplotlib.text import Text
+from msgspec.structs import replace
 from typer.testing import CliRunner
 
-from pipeline import Frame, FrameError, Looking, perceive, render
-from pipeline.plan import Effect
+from pipeline import Effect, Frame, FrameError, Looking, Planning, RenderState, perceive
 from pipeline.sinks.images import write_exr
 from services.commands.explain import explain as command
 from services.explain import page, panels, plan_panels, timeline
@@ -28,7 +29,7 @@ from services.settings import Settings
 
 class TestVariants:
     def test_the_plan_is_what_perceiving_gives(self, subject: Subject, explained: Explained) -> None:
-        bare = perceive(subject.frame, subject.looking, state=render.RenderState((0.3,)), glare=subject.settings.glare)
+        bare = perceive(subject.frame, subject.looking, state=RenderState((0.3,)), effects=subject.settings)
         np.testing.assert_array_equal(explained.planned.image, bare.image)
         assert [step.level for step in explained.planned.plan] == [step.level for step in bare.plan]
 
@@ -37,11 +38,16 @@ class TestVariants:
         assert (change[:, 27:-3] >= 1).mean() > 0.5
         assert (change[:, :20] == 0).all()
 
-    def test_glare_is_full_around_the_lamp_and_planned_is_not(self, explained: Explained) -> None:
-        """The lamp's own light within 4.5° is beyond a veil."""
-        around = explained.difference[0, 7:15, 5:13]
-        assert around.max() > 20
-        assert explained.touched[Effect.GLARE].largest > 0
+    def test_what_was_left_out_is_the_difference(self, subject: Subject, explained: Explained) -> None:
+        without = replace(subject.settings, plan=Planning(leave_out=frozenset({Effect.GLARE})))
+        found = explain(dataclasses.replace(subject, settings=without))
+        assert Effect.GLARE not in found.touched
+        assert found.difference[0, 7:15, 5:13].max() > 20  # light around the lamp
+        assert np.abs(found.difference).max() == explained.touched[Effect.GLARE].largest
+
+    def test_it_is_no_more_than_the_plan_says(self, explained: Explained) -> None:
+        # Both are rounded.
+        assert np.abs(explained.difference).max() <= explained.planned.plan.bound_code_values + 1
 
     def test_the_difference_is_of_the_channel_that_differs_most(self, explained: Explained) -> None:
         apart = code_values(explained.full) - code_values(explained.planned)
@@ -100,7 +106,7 @@ class TestPage:
             assert all(word in said for word in step.reason.split())
         for touch in explained.touched.values():
             assert f"{touch.share:.1%} of pixels, by {touch.largest:.0f} at most" in said
-        assert f"{np.abs(explained.difference).max():.0f} at most" in said
+        assert f"full minus planned: {np.abs(explained.difference).max():.0f} (bound" in said
         image = oiio.ImageBuf(str(tmp_path / "page.png")).spec()
         assert image.width == page.WIDTH_IN * page.DPI
         assert image.height < 3000
