@@ -88,12 +88,12 @@ def _prepare(
     return lightness(y), place, place.max()
 
 
-@functools.partial(jax.jit, donate_argnums=0, static_argnums=3)
+@functools.partial(jax.jit, donate_argnums=0)
 def _take(
-    onto: Float[Array, "eye y x"], level: Float[Array, "eye y x"], place: Float[Array, "eye y x"], rung: int
+    onto: Float[Array, "eye y x"], level: Float[Array, "eye y x"], place: Float[Array, "eye y x"], rung: float
 ) -> Float[Array, "eye y x"]:
     """What pixels at this place of the ladder have from one rung of it: all at the rung, nothing at its neighbours."""
-    return onto + jnp.maximum(1 - jnp.abs(place - rung), 0) * level
+    return onto + jnp.maximum(1 - jnp.abs(place - jnp.float32(rung)), 0) * level
 
 
 @jax.jit
