@@ -31,7 +31,7 @@ def main(folder: Path) -> None:
 
 def _plot_curves(curve: str) -> Figure:
     figure = Figure(figsize=(11, 6.6), layout="constrained")
-    axes = figure.subplots(2, 3, sharey="row")
+    axes = figure.subplots(2, 3)
     for adapted, panel in zip(ADAPTED_CD_M2, axes[0], strict=True):
         light = adapted * np.geomspace(1e-3, 1e3, 400)
         for operator in Operator:
@@ -50,10 +50,10 @@ def _plot_curves(curve: str) -> Figure:
     courses.set_title("ward, on the way to 1 cd/m²", size=10)
     for peak, color in ((50.0, "#e8b7ac"), (100.0, "#c8553d"), (400.0, "#8e3623"), (2000.0, "#4f1a0f")):
         share = _shown(light, 1.0, 1.0, Tone(), Display(peak))
-        displays.semilogx(light, share * peak / 400, color=color, label=f"{peak:g}")
+        displays.loglog(light, share * peak, color=color, label=f"{peak:g}")
     displays.legend(frameon=False, fontsize=9, title="peak, cd/m²")
-    displays.set_title("aces, light of the display / 400 cd/m²", size=10)
-    displays.set_ylim(0, 1.05)
+    displays.set_title("aces, light of the display / (cd/m²)", size=10)
+    displays.set_ylim(0.1, 3000)
     red = np.array([1.0, 0.1, 0.06])
     for hue, style in ((Hue.CLIP, "-"), (Hue.RGB, "--"), (Hue.XYY, ":")):
         image = _shown(light[None] * red[:, None], 1.0, 1.0, Tone(hue=hue))

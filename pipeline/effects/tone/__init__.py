@@ -5,11 +5,11 @@ show.py      the one entry: a frame in cd/m² as the display shows it
 filmic.py  reinhard.py  ward.py  durand.py  own_curve.py   the operators: what they make of an eye's adaptation, of a
              pixel, and of an interval
 hue.py       colours beyond the display's
-seen.py      what a person sees of a display: black, peak, reflected light
 bounds.py    what tone mapping makes of a range of values and of a change
 code_values.py  what that is in code values
 """
 
+from pipeline.display_light import black_share, reflected_cd_m2, seen_peak_cd_m2, viewer_cd_m2
 from pipeline.effects.encode import srgb_codes as encode
 from pipeline.effects.tone.bounds import passed_on, shown
 from pipeline.effects.tone.code_values import code_values
@@ -20,7 +20,6 @@ from pipeline.effects.tone.filmic import (
     ceiling_cd_m2,
     display_scale,
 )
-from pipeline.effects.tone.seen import black_share, reflected_cd_m2, seen_peak_cd_m2, viewer_cd_m2
 from pipeline.effects.tone.settings import Hue, Operator, Tone
 from pipeline.effects.tone.show import full_cd_m2, show
 

@@ -8,8 +8,8 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.display_light import black_share
 from pipeline.effects.encode import P3, PQ_CODES, PQ_PEAK_CD_M2, REC709, REC2020, Primaries, matrix
-from pipeline.effects.tone.seen import black_share
 from pipeline.frame import Display, Encoding
 from pipeline.ranges import Change, Range
 

@@ -10,8 +10,8 @@ import numpy as np
 from jaxtyping import Array, Float
 from numpy.typing import NDArray
 
+from pipeline.display_light import seen_peak_cd_m2, viewer_cd_m2
 from pipeline.effects.tone.hue import weighted
-from pipeline.effects.tone.seen import seen_peak_cd_m2, viewer_cd_m2
 from pipeline.frame import LUMINANCE_WEIGHTS, Display
 from pipeline.ranges import Range
 from pipeline.threshold import cone_threshold_cd_m2, rod_threshold_cd_m2

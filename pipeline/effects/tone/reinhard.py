@@ -8,9 +8,9 @@ import numpy as np
 from jaxtyping import Array, Float
 from numpy.typing import NDArray
 
+from pipeline.display_light import seen_peak_cd_m2
 from pipeline.effects.adaptation import exposure
 from pipeline.effects.tone.filmic import MIDDLE_GREY, REFERENCE_PEAK_CD_M2
-from pipeline.effects.tone.seen import seen_peak_cd_m2
 from pipeline.frame import Display
 
 

@@ -10,10 +10,10 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from pipeline.display_light import seen_peak_cd_m2
 from pipeline.effects.adaptation import exposure
 from pipeline.effects.tone import durand, filmic, own_curve, reinhard, ward
 from pipeline.effects.tone.hue import divisor, weighted
-from pipeline.effects.tone.seen import seen_peak_cd_m2
 from pipeline.effects.tone.settings import Hue, Operator, Tone
 from pipeline.frame import LUMINANCE_WEIGHTS, Display
 
@@ -28,7 +28,7 @@ def show(
     settings: Tone,
     display: Display,
 ) -> Float[Array, "eye 3 y x"]:
-    """A frame in cd/m² as the display shows it, linear Rec.709 in [0, 1], 1 = the display's peak (seen.py).
+    """A frame in cd/m² as the display shows it, linear Rec.709 in [0, 1], 1 = the display's peak (display_light.py).
 
     `adapted_cd_m2` is what each eye is adapted to, `target_cd_m2` what it is on its way to. Components below 0, colours
     of glare that no display has, are shown as 0. Raises FrameError where the file of a person's curve cannot be used.

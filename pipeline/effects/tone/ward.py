@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from pipeline.effects.tone.seen import seen_peak_cd_m2, viewer_cd_m2
+from pipeline.display_light import seen_peak_cd_m2, viewer_cd_m2
 from pipeline.frame import Display
 from pipeline.threshold import cone_threshold_cd_m2, threshold_cd_m2
 
