@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline import Frame, Glare, Looking, Observer, Perceived, RenderState, perceive
+from pipeline import Effects, Frame, Glare, Looking, Observer, Perceived, Planning, RenderState, perceive
 
 SMALL = Observer(particles=50, gratings=20)
 EYE = Looking(pupil_mm=4.0)
@@ -12,6 +12,9 @@ SPREAD = Glare()
 UNSPREAD = Glare(above_display=True)
 """Below the display's peak nothing scatters: of a frame without such light each pixel goes its way alone."""
 
+PLANNED = Planning()
+EVERYTHING = Planning(everything=True)
+"""Nothing left out: what a plan leaves out may differ between two frames, by half a code value."""
 
 HEIGHT, WIDTH = 60, 64
 """One size for all: each size is compiled anew."""
@@ -32,8 +35,17 @@ def see(
     state: RenderState | None = None,
     dt_s: float = 0.0,
     glare: Glare = SPREAD,
+    planning: Planning = PLANNED,
 ) -> Perceived:
-    return perceive(Frame.from_rgb(rgb, FOV_DEG), eye, observer=SMALL, state=state, dt_s=dt_s, glare=glare)
+    return perceive(
+        Frame.from_rgb(rgb, FOV_DEG),
+        eye,
+        observer=SMALL,
+        state=state,
+        dt_s=dt_s,
+        effects=Effects(glare=glare),
+        planning=planning,
+    )
 
 
 def linear(perceived: Perceived) -> NDArray[np.float32]:

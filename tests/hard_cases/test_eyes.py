@@ -48,7 +48,7 @@ def pair() -> Frame:
     return Frame.from_rgb(np.stack([rgb.transpose(2, 0, 1)] * 2), FOV_DEG)
 
 
-def session(told: Sequence[EyeState | None], fps: float = 20.0) -> list[Perceived]:
+def session(told: Sequence[EyeState | None], fps: float = 10.0) -> list[Perceived]:
     """Both eyes' frames, each with the state that is told."""
     frame, seen = pair(), []
     for state in told:
@@ -65,8 +65,8 @@ def largest_change(seen: Sequence[Perceived], eye: Eye) -> int:
 
 
 def test_one_eye_lost_leaves_the_other_as_it_is_and_goes_on_itself() -> None:
-    told = states(samples(2.0, {Eye.LEFT: 0.8}))[:: 50 // STEP_MS]
-    both = states(samples(2.0, {}))[:: 50 // STEP_MS]
+    told = states(samples(2.0, {Eye.LEFT: 0.8}))[:: 100 // STEP_MS]
+    both = states(samples(2.0, {}))[:: 100 // STEP_MS]
     assert told[-1].left.phase is Phase.LOST
     assert told[-1].right.phase is Phase.TRACKING
     seen, intact = session(told), session(both)
@@ -78,7 +78,7 @@ def test_one_eye_lost_leaves_the_other_as_it_is_and_goes_on_itself() -> None:
 
 
 def test_both_eyes_lost_keep_what_was_last_known() -> None:
-    told = states(samples(3.0, {Eye.LEFT: 0.8, Eye.RIGHT: 0.9}))[:: 50 // STEP_MS]
+    told = states(samples(3.0, {Eye.LEFT: 0.8, Eye.RIGHT: 0.9}))[:: 100 // STEP_MS]
     assert told[-1].left.phase is told[-1].right.phase is Phase.LOST
     seen = session(told)
     for eye in Eye:
@@ -109,7 +109,7 @@ def test_eyes_that_come_back_do_not_flash() -> None:
             *(GazeSample(t_ms * MS, eye, 6.0, -2.0, 1.0) for eye in Eye),
         )
     ]
-    told = states([*gone, *back])[:: 50 // STEP_MS]
+    told = states([*gone, *back])[:: 100 // STEP_MS]
     assert {state.left.phase for state in told} >= {Phase.TRACKING, Phase.LOST}
     seen = session(told)
     assert max(largest_change(seen, eye) for eye in Eye) <= 1
@@ -135,11 +135,11 @@ def test_a_gaze_outside_the_frame_adapts_to_what_of_the_frame_is_nearest(
 
 
 def test_a_gaze_that_leaves_the_frame_does_not_jump() -> None:
-    path = np.arange(20.0, 90.0, 0.5)
+    path = np.arange(20.0, 60.0, 1.0)
     adapted = [see(halves(), Looking(float(deg), 0.0, 4.0)).state.adapted_cd_m2[0] for deg in path]
     steps = np.abs(np.diff(np.log(adapted)))
     assert steps[path[1:] > 31].max() == 0
-    assert steps.max() < 0.02
+    assert steps.max() < 0.05
 
 
 def test_what_a_gaze_far_outside_sees_is_not_glared_by_a_window_that_has_left() -> None:

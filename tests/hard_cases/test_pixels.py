@@ -4,14 +4,16 @@ import math
 
 import numpy as np
 import pytest
-from hard_frames import EYE, FOV_DEG, SMALL, UNSPREAD, WIDTH, grey, linear, see, textured
+from hard_frames import EVERYTHING, UNSPREAD, WIDTH, grey, linear, see, textured
 
-from pipeline import Frame, Glare, GlareLevel, GlareModel, Looking, RenderState, perceive
+from pipeline import Glare, GlareLevel, GlareModel, RenderState
 from pipeline.plan import Effect
 
 BAD = [-1e-6, -1.0, -1e4, -math.inf, math.nan]
 Y, X = 10, 12
 """Where the bad pixel is."""
+CALLED_FOR = {Effect.ADAPTATION, Effect.GLARE, Effect.ACUITY, Effect.TONE, Effect.NIGHT_COLOUR}
+"""What is on unless settings say otherwise."""
 
 
 def changed(image: np.ndarray, clear: np.ndarray) -> list[list[int]]:
@@ -20,19 +22,18 @@ def changed(image: np.ndarray, clear: np.ndarray) -> list[list[int]]:
 
 
 @pytest.mark.parametrize("bad", BAD)
-@pytest.mark.parametrize("adapted", [0.01, 1.0, 100.0])
+@pytest.mark.parametrize("adapted", [0.12, 1.0, 100.0])
 def test_one_negative_pixel_changes_exactly_its_own_pixel(adapted: float, bad: float) -> None:
     """Without glare, to an eye that has adapted before: pfstmo_pattanaik00 makes the whole frame white."""
-    rgb, state = textured(adapted), RenderState((adapted,))
-    if adapted < 0.11:
-        # Where an eye loses detail a pixel touches those within 3 of it by right: it is put beside none so dark.
-        rgb = np.maximum(rgb, np.float32(0.12))
-        state = RenderState((0.12,))
-    clear = see(rgb, state=state, glare=UNSPREAD)
+    # Where an eye loses detail a pixel touches those within 3 of it by right: it is put among brighter ones.
+    rgb, state = np.maximum(textured(adapted), np.float32(0.12)), RenderState((adapted,))
+    clear = see(rgb, state=state, glare=UNSPREAD, planning=EVERYTHING)
     rgb[Y, X] = bad
-    perceived = see(rgb, state=state, glare=UNSPREAD)
+    perceived = see(rgb, state=state, glare=UNSPREAD, planning=EVERYTHING)
     assert changed(linear(perceived), linear(clear)) == [[Y, X]]
     assert changed(perceived.image[0], clear.image[0]) == [[Y, X]]
+    planned = see(rgb, state=state, glare=UNSPREAD)
+    assert np.abs(planned.image.astype(int) - perceived.image.astype(int)).max() <= 1
 
 
 @pytest.mark.parametrize("bad", BAD)
@@ -44,19 +45,20 @@ def test_a_negative_pixel_is_a_black_one_in_every_effect(bad: float) -> None:
     black = see(rgb)
     rgb[Y, X] = bad
     perceived = see(rgb)
-    assert [step.level for step in perceived.plan] == [step.level for step in black.plan]
-    assert all(step.runs for step in perceived.plan)
+    assert list(perceived.plan) == list(black.plan)
+    assert {step.effect for step in perceived.plan if step.runs} >= CALLED_FOR
     assert perceived.state.adapted_cd_m2 == black.state.adapted_cd_m2
     assert np.array_equal(linear(perceived), linear(black))
 
 
 def test_one_negative_component_leaves_the_others_as_they_are() -> None:
-    rgb, state = textured(100.0), RenderState((100.0,))
-    clear = linear(see(rgb, state=state, glare=UNSPREAD))
+    rgb, state = textured(100.0), RenderState((1e6,))
+    clear = linear(see(rgb, state=state, glare=UNSPREAD, planning=EVERYTHING))
     rgb[Y, X, 2] = -0.5
-    image = linear(see(rgb, state=state, glare=UNSPREAD))
+    image = linear(see(rgb, state=state, glare=UNSPREAD, planning=EVERYTHING))
     assert np.argwhere(image != clear).tolist() == [[Y, X, 2]]
-    assert image[Y, X, 2] == 0
+    # Rods see the others there too, and tint them: 2e-8 of them to an eye adapted to 1e6 cd/m².
+    assert image[Y, X, 2] < 1e-9
 
 
 @pytest.mark.parametrize("adapted", [1e-6, 0.01, 1.0, 1e4])
@@ -126,7 +128,7 @@ def test_starlight_and_1e9_in_one_frame_are_what_float64_makes_of_them(adapted: 
     """15 decades, with glare: within a code value of the float64 reference, to more or less dazzled eyes."""
     state = None if adapted is None else RenderState((adapted,))
     perceived, truth = (
-        see(star_and_sun(), state=state, glare=Glare(GlareModel.IJSPEERT, level))
+        see(star_and_sun(), state=state, glare=Glare(GlareModel.IJSPEERT, level), planning=EVERYTHING)
         for level in (GlareLevel.FRAME, GlareLevel.REFERENCE)
     )
     assert np.isfinite(linear(perceived)).all()
@@ -166,17 +168,3 @@ def test_a_thousand_suns_are_white() -> None:
     """Squares and sums of it still fit into float32."""
     perceived = see(grey(1.6e12), state=RenderState((1.0,)))
     assert perceived.image.min() >= 250
-
-
-def test_every_effect_is_called_for_by_the_hard_frames() -> None:
-    """Or these tests would show nothing."""
-    rgb = star_and_sun()
-    perceived = perceive(Frame.from_rgb(rgb, FOV_DEG), EYE, observer=SMALL, state=RenderState((0.01,)))
-    assert {step.effect for step in perceived.plan if step.runs} >= {
-        Effect.ADAPTATION,
-        Effect.GLARE,
-        Effect.ACUITY,
-        Effect.TONE,
-        Effect.NIGHT_COLOUR,
-    }
-    assert Looking(pupil_mm=4.0) == EYE

@@ -32,11 +32,13 @@ def adapted(perceived: list[Perceived]) -> np.ndarray:
     return np.array([one.state.adapted_cd_m2[0] for one in perceived])
 
 
-@pytest.mark.parametrize("fps", [3, 24])
-@pytest.mark.parametrize(("before", "after"), [(DARK, BRIGHT), (BRIGHT, DARK), (1e-6, 1e9)])
-def test_a_step_of_light_adapts_without_oscillation(before: float, after: float, fps: int) -> None:
+@pytest.mark.parametrize(
+    ("before", "after", "fps", "seconds"),
+    [(DARK, BRIGHT, 24, 1.5), (DARK, BRIGHT, 3, 3.0), (BRIGHT, DARK, 6, 6.0), (1e-6, 1e9, 24, 2.0)],
+)
+def test_a_step_of_light_adapts_without_oscillation(before: float, after: float, fps: float, seconds: float) -> None:
     """pfstmo_pattanaik00 alternates between 0 and 0.3 for ever, at 24 frames a second from 0.01 to 1000 cd/m²."""
-    frames = [textured(before)] * 3 + [textured(after)] * (6 * fps)
+    frames = [textured(before)] * 3 + [textured(after)] * round(seconds * fps)
     seen = session(frames, fps)
     start, *trace = adapted(seen[2:])
     # The texture's mean under the gaze is not the frame's.
@@ -107,7 +109,7 @@ def blinking(lamp_cd_m2: float, seconds: float, fps: float, hz: float = 5.0) -> 
 def test_a_light_blinking_at_5_hz_swings_the_eye_as_far_as_the_formula_says_and_no_farther() -> None:
     """From period to period the same, between the two exponentials' fixed points."""
     fps, lamp = 60, 2e3
-    frames = blinking(lamp, 3.0, fps)
+    frames = blinking(lamp, 2.0, fps)
     trace = adapted(session(frames, fps, glare=UNSPREAD))
     on, off = (see(frame).state.adapted_cd_m2[0] for frame in (frames[0], frames[6]))
     high = low = off
@@ -154,7 +156,7 @@ def no_drift(early: list[Perceived], late: list[Perceived]) -> None:
 
 
 def test_a_hundred_frames_and_more_do_not_drift() -> None:
-    no_drift(*drift_of(12 * 15))
+    no_drift(*drift_of(12 * 12))
 
 
 @pytest.mark.slow

@@ -1,0 +1,86 @@
+"""A whole perceived frame, 1440×1600, night street, everything called for: beside NumPy and SciPy, and pfstools."""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+
+from benchmarks import pfstools
+from benchmarks.table import interleaved, show
+from pipeline import (
+    Effects,
+    Glare,
+    GlareLevel,
+    Looking,
+    Observer,
+    Perceived,
+    Planning,
+    View,
+    perceive,
+)
+from pipeline.cost.plain import glare as plain_glare
+from pipeline.cost.plain import whole as plain_whole
+from pipeline.effects.glare import mixture
+from pipeline.measure import measure
+from pipeline.optics.aperture import Pose
+from pipeline.scenes import Head, open_scene
+from services.process import prepare_jax
+from tracker_bridge.wire import Eye
+
+PUPIL_MM = 5.0
+"""One that is computed, so that the program's kernel is one and the same as the plain one's."""
+STREET_S = 3.0
+EVERYTHING = Planning(everything=True)
+
+
+def main(rounds: int = 9) -> None:
+    """Prints the table, and how far apart both results are."""
+    prepare_jax()
+    view, observer = View(1440, 1600, 104.0), Observer()
+    frame = open_scene("night-street").frame(STREET_S, view, Head(), (Eye.LEFT,))
+    host = np.asarray(frame.rgb_cd_m2[0])
+    kernel = mixture(Glare().model, observer, Pose(PUPIL_MM), measure(frame)[0].mean_cd_m2, view.ppd_centre)
+    glare = plain_glare.prepare(view, kernel)
+
+    def here(level: GlareLevel, planning: Planning) -> Perceived:
+        # A frame without a state: of one that has not changed the last glare would serve again.
+        return perceive(
+            frame,
+            Looking(pupil_mm=PUPIL_MM),
+            observer=observer,
+            effects=Effects(glare=Glare(level=level)),
+            planning=planning,
+        )
+
+    plainly = "NumPy and SciPy, float64, the same equations"
+    parts: dict[str, Callable[[], object]] = {
+        plainly: lambda: plain_whole.perceived(host, view, glare),
+        "here, everything, glare of the whole frame": lambda: here(GlareLevel.FRAME, EVERYTHING),
+        "here, everything, glare in the gaze window": lambda: here(GlareLevel.WINDOW, EVERYTHING),
+        "here, as planned": lambda: here(GlareLevel.WINDOW, Planning()),
+    }
+    with tempfile.TemporaryDirectory() as folder:
+        stream = Path(folder) / "frame.pfs"
+        if absent := pfstools.missing():
+            print(f"\nNo comparison with pfstools: {', '.join(absent)} not installed (Debian: pfstools).")
+        else:
+            print(f"\n{pfstools.version()}: each a process that reads the frame from a file and drops its result.")
+            pfstools.as_pfs(host.transpose(1, 2, 0), stream)
+            parts |= {name: (lambda of=name: pfstools.run_on(of, stream)) for name in pfstools.OPERATORS}
+        milliseconds = interleaved(parts, rounds)
+    seen, planned = here(GlareLevel.FRAME, EVERYTHING), here(GlareLevel.WINDOW, Planning())
+    truth, each_ms = plain_whole.perceived(host, view, glare)
+    apart = np.abs(seen.image[0].astype(int) - truth.astype(int)).max(axis=2)
+    for name, each in (("Everything", seen), ("Planned", planned)):
+        print(f"\n{name}: " + ", ".join(f"{step.effect.value} {step.level}" for step in each.plan))
+        print(f"{name}, ms: " + ", ".join(f"{part} {ms:.0f}" for part, ms in each.milliseconds.items()))
+    print("Plainly, ms: " + ", ".join(f"{name} {ms:.0f}" for name, ms in each_ms.items()))
+    print(f"Pixels that differ by more than a code value: {(apart > 1).mean():.2%}, the largest by {apart.max()}")
+    show("A whole frame, one eye, 1440×1600", milliseconds, plainly)
+
+
+if __name__ == "__main__":
+    main()
