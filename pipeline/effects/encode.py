@@ -128,7 +128,7 @@ def _look_up(
     if primaries is not None:
         # Written out: a matrix product of three by three costs more than these nine.
         linear = jnp.stack(
-            [sum(primaries[k, j] * linear[:, j] for j in range(3)) for k in range(3)],  # type: ignore[misc]
+            [sum(primaries[k, j] * linear[:, j] for j in range(3)) for k in range(3)],
             axis=1,
         )
     black = jnp.float32(black_share)

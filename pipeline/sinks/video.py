@@ -14,6 +14,7 @@ from types import TracebackType
 import av
 import numpy as np
 from av.video.reformatter import ColorRange, Colorspace
+from av.video.stream import VideoStream
 from jaxtyping import UInt8, UInt16
 
 from pipeline.frame import Display, Encoding, FrameError
@@ -63,7 +64,9 @@ class Video:
         except (OSError, ValueError) as error:
             raise self._file.failed(str(error)) from None
         rate = Fraction(fps).limit_denominator(1000)
-        self._stream = self._container.add_stream(self._form.codec, rate=rate, options=self._form.options)
+        stream = self._container.add_stream(self._form.codec, rate=rate, options=self._form.options)
+        assert isinstance(stream, VideoStream)
+        self._stream = stream
         self._stream.width, self._stream.height = width_px + width_px % 2, height_px + height_px % 2
         self._stream.pix_fmt = self._form.pixels
         context = self._stream.codec_context

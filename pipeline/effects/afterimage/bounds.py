@@ -1,9 +1,9 @@
 """How much afterimages may change of a displayed frame, and of a change that came before them.
 
-What is shown is (1 − s)·T·d + s: d the frame's RGB, s the eye's own light, T = I + Σ (what cone c sees more)·(its
-colour in RGB)·(its catch). What all cones see more or less, m, changes no colour, and only what each differs from that
-by needs the cones' matrices: |T·d − d| ≤ |m|·d + Σ |d_c|·|to RGB|·|catch|. All of it is bilinear between nodes, so over
-a tile it is no more than at the nodes that its pixels lie between.
+What is shown of a channel d is (1 − s)·(d + (1 − d²)·Δ) + s: s the eye's own light, Δ = Σ (what cone c sees more)·(its
+colour)·(its catch). What all cones see more or less, m, changes no colour, and only what each differs from that by
+needs the cones' matrices: |Δ| ≤ |m|·d + Σ |d_c|·|to RGB|·|catch|. All of it is bilinear between nodes, so over a tile
+it is no more than at the nodes that its pixels lie between.
 """
 
 from __future__ import annotations
@@ -24,19 +24,27 @@ def skipped(range_: Range, retina: Retina, view: View, gaze_px: tuple[float, flo
     """The most that leaving afterimages out changes any pixel of each tile."""
     alike, apart, light = _over_tiles(range_.tile_px, retina, view, gaze_px)
     low, high = range_.low[:3], range_.high[:3]
-    less = _changed(high, alike, apart)
-    rgb = less + light * np.maximum(np.abs(1 - low), np.abs(1 - high))
-    return _with_luminance(rgb)
+    room = np.maximum(np.abs(1 - low), np.abs(1 - high))
+    return _with_luminance(_headroom(low, high) * _more(high, alike, apart) + light * room)
 
 
 def passed_on(change: Change, range_: Range, retina: Retina, view: View, gaze_px: tuple[float, float]) -> Change:
-    """What becomes of a change that came before them. They are linear in the frame, so its range does not matter."""
+    """What becomes of a change that came before them."""
     alike, apart, _ = _over_tiles(range_.tile_px, retina, view, gaze_px)
-    return _with_luminance(change[:3] + _changed(change[:3], alike, apart))
+    wide = range_.widened(change)
+    low, high, before = wide.low[:3], wide.high[:3], change[:3]
+    # (1 − d′²)·Δ′ − (1 − d²)·Δ = (1 − d²)·(Δ′ − Δ) − (d′ + d)·(d′ − d)·Δ′, and Δ is linear.
+    itself = 1 + 2 * high * _more(high, alike, apart)
+    return _with_luminance(before * itself + _headroom(low, high) * _more(before, alike, apart))
 
 
-def _changed(rgb: NDArray[np.float64], alike: NDArray[np.float64], apart: NDArray[np.float64]) -> NDArray[np.float64]:
-    """|T·d − d| at most, for |d| ≤ rgb."""
+def _headroom(low: NDArray[np.float64], high: NDArray[np.float64]) -> NDArray[np.float64]:
+    """|1 − d²| at most."""
+    return np.asarray(np.maximum(np.abs(1 - low * low), np.abs(1 - high * high)))
+
+
+def _more(rgb: NDArray[np.float64], alike: NDArray[np.float64], apart: NDArray[np.float64]) -> NDArray[np.float64]:
+    """|Δ| at most, for |d| ≤ rgb."""
     cones = cone_matrix()
     catches = np.einsum("cj,jyx->cyx", np.abs(cones), rgb)
     return np.asarray(alike * rgb + np.einsum("kc,cyx->kyx", np.abs(np.linalg.inv(cones)), apart * catches))

@@ -5,7 +5,9 @@ lost, cone by cone; what is seen is the rest: light is multiplied by p over the 
 
 **Light of its own.** Threshold in the dark rises tenfold for a third of the pigment (Rushton 1965), as if light lay on
 that patch: the light at which the cones' threshold is as high by Weber's law, over the light that a rested eye's own
-noise amounts to. An eye does not see it where it is everywhere, so the mean field's is taken off.
+noise amounts to. A patch of real light that is as bright looks the same if it is held still on the retina too (Barlow
+& Sparrock 1964), and what is held still fades. An eye does not see it where it is everywhere, so the mean field's is
+taken off.
 """
 
 from __future__ import annotations
@@ -29,6 +31,10 @@ WEBER = cone_threshold_cd_m2(1e4) / 1e4
 """What cones tell apart in bright light, as a share of it (Ferwerda)."""
 OWN_CD_M2 = cone_threshold_cd_m2(0.0) / WEBER
 """The light that a rested cone's noise amounts to: 3.4 cd/m². By Weber's law it explains its threshold in the dark."""
+
+HELD_STILL = 0.1
+"""As bright as it is, light that stays in its place on the retina looks. Engineering choice: with a tenth, what is half
+bleached shines in the dark and is dark on a wall of 60 cd/m², as afterimages are; in full it shone on the wall too."""
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -71,7 +77,7 @@ def _seen(
     rgb_cd_m2 = jnp.maximum(jnp.einsum("kc,cyx->kyx", to_rgb, own), 0)
     # A wholly bleached field still has some pigment; float32 may say that it has none.
     less = (field - there) / jnp.maximum(1 - field, np.float32(1e-6))
-    return less, -jnp.expm1(-rgb_cd_m2 * exposure)
+    return less, -jnp.expm1(-rgb_cd_m2 * (exposure * np.float32(HELD_STILL)))
 
 
 def _own_light_cd_m2(bleached: Float[Array, "..."]) -> Float[Array, "..."]:

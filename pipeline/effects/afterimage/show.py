@@ -24,8 +24,10 @@ def show(
 ) -> Float[Array, "eye 3 y x"]:
     """A frame, linear Rec.709 with 1 = the display's peak, as eyes with these retinas see it. One gaze for each eye.
 
-    The eye's own light is laid over it as light is that adds up before a curve 1 − exp(−x): a + b − a·b. So nothing
-    becomes brighter than the display's peak, and where the display shows that, nothing is added.
+    What the cones see more or less counts in full where the frame is dark and not at all at the display's peak, as
+    1 − d²: what is shown there is brighter than can be shown, and with half its light still is. Engineering choice: of
+    half the light a curve 1 − exp(−x) makes 0.29 out of 0.5, this 0.31. The eye's own light is laid over it as light is
+    that adds up before such a curve: a + b − a·b.
     """
     cones = cone_matrix()
     layers = [seen(retina, view, gaze) for retina, gaze in zip(retinas, gaze_px, strict=True)]
@@ -79,7 +81,9 @@ def _block(
     ]
     channels = []
     for k in range(3):
-        changed = image[:, k] + to_rgb[k, 0] * more[0] + to_rgb[k, 1] * more[1] + to_rgb[k, 2] * more[2]
+        channel = image[:, k]
+        changed = to_rgb[k, 0] * more[0] + to_rgb[k, 1] * more[1] + to_rgb[k, 2] * more[2]
+        changed = channel + (1 - channel * channel) * changed
         channels.append(changed + layers[:, 3 + k] * (1 - changed))
     return jnp.stack(channels, 1).reshape(displayed.shape)
 
