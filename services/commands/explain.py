@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
+import dataclasses
 from pathlib import Path
 from typing import Annotated
 
-import msgspec
 import typer
+from msgspec.structs import replace
 from rich.markup import escape
 from rich.progress import Progress
 
 from services.commands.render import _direction, _light
 from services.options import Fov, Height, MeanLuminance, SettingsFile, Width
-from services.process import prepare_jax
+from services.process import cache_folder, prepare_jax
 from services.terminal import console
 
 
@@ -46,6 +47,12 @@ def explain(
     width: Width = None,
     height: Height = None,
     settings: SettingsFile = None,
+    budget_ms: Annotated[
+        float | None,
+        typer.Option(
+            min=0.1, max=1e6, help="Time that a frame may take, on this machine; the settings file's unless given."
+        ),
+    ] = None,
     light: Annotated[
         list[str],
         typer.Option(metavar="X,Y,LUX[,SPECTRUM[,RADIUS]]", help="A light of its own, as of [b]entoptic render[/b]."),
@@ -57,6 +64,7 @@ def explain(
     """
     prepare_jax()
     from pipeline import FrameError, Looking
+    from pipeline.budget import load as load_costs
     from services.explain import page, subject, timeline, variants
     from services.settings import load
 
@@ -64,17 +72,14 @@ def explain(
     session = subject.is_session(target)
     if frame is not None and not session:
         raise FrameError(f"--frame {frame}: {target} is no session; leave --frame out, or name a session's folder")
-    loaded = None if session and settings is None and age is None else load(settings)
-    if loaded is not None and age is not None:
-        loaded = msgspec.structs.replace(loaded, observer=msgspec.structs.replace(loaded.observer, age_years=age))
     course = None
     if session:
-        subject_ = subject.from_session(Path(target), frame, loaded)
+        seen = subject.from_session(Path(target), frame, None if settings is None else load(settings))
         course = timeline.read(Path(target) / subject.PLAN)
     else:
-        subject_ = subject.from_image(
+        seen = subject.from_image(
             target,
-            load(settings) if loaded is None else loaded,
+            load(settings),
             Looking(*_direction(gaze), pupil_mm),
             adaptation,
             fov,
@@ -82,10 +87,16 @@ def explain(
             (width, height),
             tuple(_light(text) for text in light),
         )
-    for note in subject_.notes:
+    used = seen.settings
+    if age is not None:
+        used = replace(used, observer=replace(used.observer, age_years=age))
+    if budget_ms is not None:
+        used = replace(used, plan=replace(used.plan, budget_ms=budget_ms))
+    seen = dataclasses.replace(seen, settings=used)
+    for note in seen.notes:
         console.print(f"• {escape(note)}")
     with Progress(console=console, transient=True, disable=not console.is_terminal) as progress:
         bar = progress.add_task("perceiving", total=variants.variants())
-        explained = variants.explain(subject_, lambda: progress.update(bar, advance=1))
-    page.write(output, subject_, explained, course)
+        explained = variants.explain(seen, lambda: progress.update(bar, advance=1), load_costs(cache_folder()))
+    page.write(output, seen, explained, course)
     console.print(f"wrote [b]{escape(str(output))}[/b]", soft_wrap=True)

@@ -77,11 +77,15 @@ def _entry(step: Step, explained: Explained) -> Entry:
     return Entry(
         step.effect.value,
         step.level,
-        "" if step.bound_code_values == 0 else f"{step.bound_code_values:.2g}",
+        "" if step.bound_code_values == 0 else _figure(step.bound_code_values),
         "" if touch is None else f"{touch.largest:.0f}",
         "" if milliseconds is None else f"{milliseconds:.1f}",
         step.reason,
     )
+
+
+def _figure(code_values: float) -> str:
+    return f"{code_values:.2g}" if code_values < 100 else f"{code_values:.0f}"
 
 
 def _images(part: SubFigure, subject: Subject, explained: Explained) -> None:
@@ -101,7 +105,9 @@ def _images(part: SubFigure, subject: Subject, explained: Explained) -> None:
     panels.luminances(part, light, cd_m2, gaze_px, lights_px, planned.state.adapted_cd_m2)
     difference = side_by_side(explained.difference)
     largest, differ = np.abs(difference).max(), (difference != 0).mean()
-    title = f"full minus planned: {largest:.0f} (bound {planned.plan.bound_code_values:.2g}), {differ:.1%} of pixels"
+    title = (
+        f"full minus planned: {largest:.0f} (bound {_figure(planned.plan.bound_code_values)}), {differ:.1%} of pixels"
+    )
     panels.difference(part, apart, difference, title)
 
 

@@ -10,6 +10,7 @@ from jaxtyping import Float
 from msgspec.structs import replace
 
 from pipeline import Effect, Perceived, Planning, RenderState, perceive
+from pipeline.budget import SHIPPED, CostModel
 from services.explain.subject import Subject
 
 ALWAYS = frozenset({Effect.ADAPTATION, Effect.TONE})
@@ -53,19 +54,22 @@ class Explained:
         return np.take_along_axis(apart, np.abs(apart).argmax(-1)[..., None], -1)[..., 0]
 
 
-def explain(subject: Subject, done: Callable[[], None] = lambda: None) -> Explained:
-    """Perceives the frame in all its variants. `done` is told of each; there are `variants()` of them at most."""
+def explain(subject: Subject, done: Callable[[], None] = lambda: None, costs: CostModel = SHIPPED) -> Explained:
+    """Perceives the frame in all its variants. `done` is told of each; there are `variants()` of them at most.
+
+    `costs` matter where the settings' plan has a budget.
+    """
     planning = subject.settings.plan
-    _perceive(subject, planning)  # compiles: its times mean nothing
+    _perceive(subject, planning, costs)  # compiles: its times mean nothing
     done()
-    planned = _perceive(subject, planning)
+    planned = _perceive(subject, planning, costs)
     done()
-    full = _perceive(subject, Planning(everything=True))
+    full = _perceive(subject, Planning(everything=True), costs)
     done()
     touched = {}
     for step in planned.plan:
         if step.runs and step.effect not in ALWAYS:
-            without = _perceive(subject, replace(planning, leave_out=planning.leave_out | {step.effect}))
+            without = _perceive(subject, replace(planning, leave_out=planning.leave_out | {step.effect}), costs)
             touched[step.effect] = Touch(np.abs(code_values(planned) - code_values(without)).max(-1))
         done()
     return Explained(planned, full, touched)
@@ -82,7 +86,7 @@ def code_values(perceived: Perceived) -> Float[np.ndarray, "eye y x 3"]:
     return image.astype(np.float64) * (255.0 if np.issubdtype(image.dtype, np.floating) else 1.0)
 
 
-def _perceive(subject: Subject, planning: Planning) -> Perceived:
+def _perceive(subject: Subject, planning: Planning, costs: CostModel) -> Perceived:
     return perceive(
         subject.frame,
         subject.looking,
@@ -91,4 +95,5 @@ def _perceive(subject: Subject, planning: Planning) -> Perceived:
         state=None if subject.adapted_cd_m2 is None else RenderState(subject.adapted_cd_m2),
         effects=subject.settings,
         planning=planning,
+        costs=costs,
     )

@@ -45,6 +45,13 @@ class TestVariants:
         assert found.difference[0, 7:15, 5:13].max() > 20  # light around the lamp
         assert np.abs(found.difference).max() == explained.touched[Effect.GLARE].largest
 
+    def test_under_a_budget_the_cheapest_is_explained(self, subject: Subject) -> None:
+        tight = replace(subject.settings, plan=Planning(budget_ms=1.0))
+        found = explain(dataclasses.replace(subject, settings=tight))
+        assert not found.touched
+        assert np.abs(found.difference).max() > 20
+        assert np.abs(found.difference).max() <= found.planned.plan.bound_code_values + 1
+
     def test_it_is_no_more_than_the_plan_says(self, explained: Explained) -> None:
         # Both are rounded.
         assert np.abs(explained.difference).max() <= explained.planned.plan.bound_code_values + 1
@@ -164,7 +171,7 @@ class TestCommand:
 
     def test_a_session(self, session: Path, tmp_path: Path) -> None:
         out = tmp_path / "out.png"
-        self.run(str(session), "--frame", "2", "-o", str(out))
+        self.run(str(session), "--frame", "2", "--budget-ms", "20", "--age", "70", "-o", str(out))
         assert oiio.ImageBuf(str(out)).spec().height > 1000
 
     def test_a_frame_number_needs_a_session(self, tmp_path: Path) -> None:
