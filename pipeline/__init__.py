@@ -2,12 +2,16 @@
 
 frame.py      Frame, view geometry, display
 observer.py   the person who looks
+looking.py    how one eye looks at a frame
+ranges.py     what may stand in a frame's tiles, and what may change
 scenes/       where frames come from
 measure.py    what a frame contains
-plan.py       which effects it calls for, at which level, and why
+plan/         which effects it calls for, at which level, and why
+budget/       what levels cost, and which fit a time
 effects/      what an eye does to a frame, one file an effect
 optics/       light inside the eye
 threshold.py  the smallest difference that is seen
+mesopic.py    luminance between day and night
 render.py     runs a plan
 sinks/        where perceived frames go
 cost/         what accuracy costs in time
@@ -19,13 +23,18 @@ import jax
 jax.config.update("jax_enable_x64", True)
 
 from pipeline.effects.glare import Glare, GlareLevel, GlareModel  # noqa: E402 - after the switch above
-from pipeline.frame import Display, Frame, FrameError, Light, View  # noqa: E402 - after the switch above
+from pipeline.effects.settings import Effects  # noqa: E402
+from pipeline.frame import Display, Encoding, Frame, FrameError, Light, View  # noqa: E402 - after the switch above
+from pipeline.looking import Looking  # noqa: E402
 from pipeline.observer import Iris, Living, Observer  # noqa: E402
-from pipeline.plan import Plan, Step  # noqa: E402
-from pipeline.render import Looking, Perceived, RenderState, as_displayed, perceive  # noqa: E402
+from pipeline.plan import Effect, Plan, Planning, Step  # noqa: E402
+from pipeline.render import Perceived, RenderState, as_displayed, perceive  # noqa: E402
 
 __all__ = [
     "Display",
+    "Effect",
+    "Effects",
+    "Encoding",
     "Frame",
     "FrameError",
     "Glare",
@@ -38,6 +47,7 @@ __all__ = [
     "Observer",
     "Perceived",
     "Plan",
+    "Planning",
     "RenderState",
     "Step",
     "View",

@@ -5,55 +5,39 @@ from __future__ import annotations
 import dataclasses
 import math
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import TypeVar
 
 import jax
 import jax.numpy as jnp
+import msgspec
 import numpy as np
-from jaxtyping import Array, Float, UInt8
+from jaxtyping import Array, Float
 
-from pipeline.effects import acuity, adaptation, night_colour, tone
-from pipeline.effects.glare import Glare, Sight, bounds, mixture, scatter
+from pipeline.budget import SHIPPED, Choice, CostModel, Timing
+from pipeline.effects import acuity, adaptation, afterimage, night_colour, rod_noise, tone
+from pipeline.effects.adaptation import Adapted
+from pipeline.effects.adaptation.pigments import PUPIL_MM
+from pipeline.effects.afterimage import Retina
+from pipeline.effects.encode import encode
+from pipeline.effects.glare import Glare, GlareLevel, Sight, mixture, scatter
+from pipeline.effects.settings import Effects
 from pipeline.frame import Display, Frame, FrameError, View
-from pipeline.measure import Measurement, luminance, measure
+from pipeline.looking import Looking
+from pipeline.measure import Measurement, bright_pixels, luminance, measure
 from pipeline.observer import Observer
 from pipeline.optics import living
-from pipeline.optics.living import Kick, LivingState
+from pipeline.optics.living import LivingState
 from pipeline.optics.pupil import watson_yellott_mm
-from pipeline.plan import Effect, Plan, make_plan
+from pipeline.plan import SKIPPED, Effect, Eye, Plan, Planning, Scenery, Step, make_plan
 
 DISPLAY_KEY = 0.18
 """Middle grey of ordinary auto-exposure (Reinhard 2002)."""
 
 
 @dataclasses.dataclass(frozen=True)
-class Looking:
-    """How one eye looks at a frame."""
-
-    azimuth_deg: float = 0.0
-    """Direction of gaze from the middle of the view, to the right positive."""
-    elevation_deg: float = 0.0
-    """Upwards positive."""
-    pupil_mm: float | None = None
-    """Measured diameter; None for what Watson & Yellott expect of this light and age."""
-    openness: float = 1.0
-    """How far the lids are open, 0 to 1. It shapes glare where `living.lids` is on."""
-    kicks: tuple[Kick, ...] = ()
-    """The turns of the eye since the frame before, saccades and microsaccades."""
-
-    def __post_init__(self) -> None:
-        if not (math.isfinite(self.azimuth_deg) and math.isfinite(self.elevation_deg)):
-            raise FrameError(f"gaze ({self.azimuth_deg}, {self.elevation_deg})°: both angles must be finite numbers")
-        if self.pupil_mm is not None and not 0.5 <= self.pupil_mm <= 12:
-            raise FrameError(f"a pupil of {self.pupil_mm} mm: give 0.5 to 12 mm, or none to have it computed")
-        if not 0 <= self.openness <= 1:
-            raise FrameError(f"an openness of {self.openness}: it must lie between 0, closed, and 1, open")
-
-
-@dataclasses.dataclass(frozen=True)
 class RenderState:
-    """What the eyes remember from one frame to the next."""
+    """What the eyes, and planning, remember from one frame to the next."""
 
     adapted_cd_m2: tuple[float, ...]
     """The luminance each eye is adapted to."""
@@ -61,6 +45,14 @@ class RenderState:
     """What of each eye is in motion; empty: all at rest."""
     glared: Glared | None = None
     """The last frame with its glare: while nothing changes it serves again."""
+    adapted: tuple[Adapted, ...] = ()
+    """All that adaptation takes along; empty: each eye has looked at its luminance for long."""
+    retinas: tuple[Retina, ...] = ()
+    """What each eye has seen and where; empty: nothing yet."""
+    choices: Mapping[str, Choice] = dataclasses.field(default_factory=dict)
+    """Levels of the effects, and fades between them."""
+    elapsed_s: float = 0.0
+    """Since the first frame."""
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -77,8 +69,8 @@ class Glared:
 class Perceived:
     """What became of a frame."""
 
-    image: UInt8[np.ndarray, "eye y x 3"]
-    """Code values for the display, sRGB."""
+    image: np.ndarray
+    """(eye, y, x, 3): what the display is sent. uint8 code values of sRGB unless the display says otherwise."""
     linear: Float[Array, "eye 3 y x"]
     """The same before encoding: linear Rec.709, 1 = the display's peak."""
     plan: Plan
@@ -88,7 +80,18 @@ class Perceived:
     pupil_mm: tuple[float, ...]
     """The diameters that were used."""
     milliseconds: dict[str, float]
-    """Time of `measure`, the glare's `kernel`, each effect that ran, and `encode`, each waited for to its end."""
+    """Time of `measure`, the glare's `kernel`, `plan`, each effect that ran, and `encode`, each to its end."""
+
+    @property
+    def timings(self) -> list[Timing]:
+        """What took how long, for a cost model; without effects that are between two levels."""
+        megapixels = self.image.size / 3e6
+        parts = [Timing(part, "whole", megapixels, self.milliseconds[part]) for part in ("measure", "plan", "encode")]
+        return parts + [
+            Timing(step.effect, step.level, megapixels, self.milliseconds[step.effect])
+            for step in self.plan
+            if step.effect in self.milliseconds and step.fading_from is None
+        ]
 
 
 def perceive(
@@ -99,13 +102,15 @@ def perceive(
     display: Display = Display(),
     state: RenderState | None = None,
     dt_s: float = 0.0,
-    glare: Glare = Glare(),
+    effects: Effects = Effects(),
+    planning: Planning = Planning(),
+    costs: CostModel = SHIPPED,
 ) -> Perceived:
     """A frame as a person perceives it.
 
     `eye` is one `Looking` for all images of the frame or one for each. `state` is what the frame before left behind,
-    `dt_s` ≥ 0 how long ago that was; without a state the eyes are fully adapted to this frame and at rest.
-    Raises FrameError where the number of eyes and of images differ.
+    `dt_s` how long ago that was; without a state the eyes are fully adapted to this frame and at rest. `costs` matter
+    where `planning` sets a budget. Raises FrameError where the number of eyes and of images differ.
     """
     images = frame.rgb_cd_m2.shape[0]
     eyes = (eye,) * images if isinstance(eye, Looking) else tuple(eye)
@@ -113,57 +118,109 @@ def perceive(
         raise FrameError(f"a frame of {images} images for {len(eyes)} eyes: give one for each")
     clock = _Clock()
     measured = clock.time("measure", lambda: measure(frame))
-    adapted = clock.time(Effect.ADAPTATION, lambda: _adapt(measured, eyes, state, dt_s))
-    moving = _move(observer, eyes, pupils := _pupils(frame.view, eyes, adapted, observer), state, dt_s)
+    adapted = clock.time(Effect.ADAPTATION, lambda: _adapt(measured, eyes, state, dt_s, effects))
+    adapted_cd_m2 = tuple(one.luminance_cd_m2 for one in adapted)
+    moving = _move(observer, eyes, pupils := _pupils(frame.view, eyes, adapted_cd_m2, observer), state, dt_s)
     poses = [
         living.pose_of(motion, observer, pupil_mm, eye.openness, measured=eye.pupil_mm is not None)
         for motion, pupil_mm, eye in zip(moving, pupils, eyes, strict=True)
     ]
+    used_mm = tuple(pose.pupil_mm for pose in poses)
+    retinas = _remember(frame, eyes, used_mm, adapted_cd_m2, state, dt_s, effects)
     kernels = clock.time(
         "kernel",
         lambda: tuple(
-            mixture(glare.model, observer, pose, luminance_cd_m2, frame.view.ppd_centre)
-            for pose, luminance_cd_m2 in zip(poses, adapted, strict=True)
+            mixture(effects.glare.model, observer, pose, luminance_cd_m2, frame.view.ppd_centre)
+            for pose, luminance_cd_m2 in zip(poses, adapted_cd_m2, strict=True)
         ),
     )
-    plan = make_plan(measured, adapted, [bounds(kernel) for kernel in kernels], glare, frame.lights)
-    runs = {step.effect for step in plan if step.runs}
-    exposures = np.array([adaptation.exposure(luminance_cd_m2) for luminance_cd_m2 in adapted])
+    targets = [one.tone_target_cd_m2(effects.adaptation) for one in adapted]
+    seen = [
+        Eye(
+            measured=measured[k],
+            adapted=adapted[k],
+            kernel=kernels[k],
+            gaze_px=frame.view.pixel_of(one.azimuth_deg, one.elevation_deg),
+            pupil_mm=used_mm[k],
+            ceiling_cd_m2=(
+                tone.full_cd_m2(adapted_cd_m2[k], targets[k], effects.tone, display)
+                if effects.glare.above_display
+                else None
+            ),
+            retina=retinas[k] if retinas else None,
+        )
+        for k, one in enumerate(eyes)
+    ]
+    planned = clock.time(
+        "plan",
+        lambda: make_plan(
+            seen,
+            _scenery(frame, measured, planning),
+            effects,
+            display,
+            planning,
+            before=None if state is None else state.choices,
+            dt_s=dt_s,
+            costs=costs,
+        ),
+    )
+    plan = planned.plan
+    elapsed_s = 0.0 if state is None else state.elapsed_s + max(dt_s, 0.0)
     rgb, glared = frame.rgb_cd_m2, None
-    if Effect.GLARE in runs:
+
+    def glare_at(level: str) -> Float[Array, "eye 3 y x"]:
+        nonlocal glared
+        settings = msgspec.structs.replace(effects.glare, level=GlareLevel(level))
         sights = [
             Sight(
                 view=frame.view,
-                measured=measured[k],
-                gaze_px=frame.view.pixel_of(eye.azimuth_deg, eye.elevation_deg),
-                kernel=kernels[k],
+                measured=eye.measured,
+                gaze_px=eye.gaze_px,
+                kernel=eye.kernel,
                 observer=observer,
                 pose=poses[k],
-                adapted_cd_m2=adapted[k],
-                ceiling_cd_m2=tone.ceiling_cd_m2(exposures[k], display.peak_cd_m2) if glare.above_display else None,
+                adapted_cd_m2=adapted_cd_m2[k],
+                ceiling_cd_m2=eye.ceiling_cd_m2,
                 lights=frame.lights,
             )
-            for k, eye in enumerate(eyes)
+            for k, eye in enumerate(seen)
         ]
-        before = None if state is None else state.glared
-        glared = clock.time(Effect.GLARE, lambda: _glare(frame, sights, glare, before))
-        rgb = glared.result
-    if Effect.ACUITY in runs:
-        rgb = clock.time(Effect.ACUITY, lambda: acuity.dark_acuity(rgb))
-    shown = clock.time(Effect.TONE, lambda: tone.aces(rgb, exposures, display.peak_cd_m2))
-    if Effect.NIGHT_COLOUR in runs:
-        rods = np.array([adaptation.rod_sensitivity(luminance_cd_m2) for luminance_cd_m2 in adapted])
-        shown = clock.time(Effect.NIGHT_COLOUR, lambda: night_colour.night_tint(shown, rods))
-    image = clock.time("encode", lambda: np.asarray(tone.encode(shown, tone.black_share(display))))
-    used_mm = tuple(pose.pupil_mm for pose in poses)
-    return Perceived(image, shown, plan, RenderState(adapted, moving, glared), measured, used_mm, clock.milliseconds)
+        glared = _glare(frame, sights, settings, None if state is None else state.glared)
+        return glared.result
+
+    rgb = clock.step(plan[Effect.GLARE], rgb, glare_at)
+    rgb = clock.step(
+        plan[Effect.ACUITY],
+        rgb,
+        lambda level: acuity.reduce_acuity(
+            rgb, frame.view.ppd_centre, effects.acuity, planned.dark, measured[0].range_cd_m2.tile_px
+        ),
+    )
+    rgb = clock.step(
+        plan[Effect.ROD_NOISE],
+        rgb,
+        lambda level: rod_noise.add_noise(rgb, elapsed_s, used_mm, frame.view.ppd_centre, effects.rod_noise),
+    )
+    shown = clock.time(Effect.TONE, lambda: tone.show(rgb, adapted_cd_m2, targets, effects.tone, display))
+    shown = clock.step(
+        plan[Effect.NIGHT_COLOUR],
+        shown,
+        lambda level: night_colour.shift(shown, adapted_cd_m2, effects.night_colour, rgb),
+    )
+    shown = clock.step(
+        plan[Effect.AFTERIMAGE],
+        shown,
+        lambda level: afterimage.show(shown, retinas, frame.view, [eye.gaze_px for eye in seen]),
+    )
+    image = clock.time("encode", lambda: encode(shown, display))
+    after = RenderState(adapted_cd_m2, moving, glared, adapted, retinas, planned.choices, elapsed_s)
+    return Perceived(image, shown, plan, after, measured, used_mm, clock.milliseconds)
 
 
-def as_displayed(frame: Frame, display: Display = Display()) -> UInt8[np.ndarray, "eye y x 3"]:
-    """A frame as a renderer without an eye shows it: exposed for middle grey, tone-mapped, encoded."""
+def as_displayed(frame: Frame, display: Display = Display()) -> np.ndarray:
+    """A frame as a renderer without an eye shows it: exposed for middle grey, tone-mapped, encoded for the display."""
     mean_log = np.asarray(_mean_log(frame.rgb_cd_m2))
-    shown = tone.aces(frame.rgb_cd_m2, DISPLAY_KEY / np.exp(mean_log), display.peak_cd_m2)
-    return np.asarray(tone.encode(shown, tone.black_share(display)))
+    return encode(tone.aces(frame.rgb_cd_m2, DISPLAY_KEY / np.exp(mean_log), display.peak_cd_m2), display)
 
 
 @jax.jit
@@ -172,18 +229,62 @@ def _mean_log(rgb: Float[Array, "eye 3 y x"]) -> Float[Array, "eye"]:
 
 
 def _adapt(
-    measured: Sequence[Measurement], eyes: Sequence[Looking], state: RenderState | None, dt_s: float
-) -> tuple[float, ...]:
+    measured: Sequence[Measurement],
+    eyes: Sequence[Looking],
+    state: RenderState | None,
+    dt_s: float,
+    effects: Effects,
+) -> tuple[Adapted, ...]:
+    settings = effects.adaptation
     targets = [
-        adaptation.target_cd_m2(image, eye.azimuth_deg, eye.elevation_deg)
+        adaptation.target_cd_m2(image, eye.azimuth_deg, eye.elevation_deg, settings)
         for image, eye in zip(measured, eyes, strict=True)
     ]
+    pupils = [PUPIL_MM if eye.pupil_mm is None else eye.pupil_mm for eye in eyes]
     if state is None:
-        return tuple(targets)
+        return tuple(adaptation.begin(target, settings, mm) for target, mm in zip(targets, pupils, strict=True))
+    before = state.adapted or [
+        adaptation.begin(cd_m2, settings, mm) for cd_m2, mm in zip(state.adapted_cd_m2, pupils, strict=True)
+    ]
     return tuple(
-        adaptation.adapt_cd_m2(before, target, dt_s)
-        for before, target in zip(state.adapted_cd_m2, targets, strict=True)
+        adaptation.step(one, target, dt_s, settings, mm)
+        for one, target, mm in zip(before, targets, pupils, strict=True)
     )
+
+
+def _remember(
+    frame: Frame,
+    eyes: Sequence[Looking],
+    pupils: Sequence[float],
+    adapted_cd_m2: Sequence[float],
+    state: RenderState | None,
+    dt_s: float,
+    effects: Effects,
+) -> tuple[Retina, ...]:
+    if not effects.afterimage.on:
+        return ()
+    before = () if state is None else state.retinas
+    return tuple(
+        afterimage.step(
+            retina,
+            frame.rgb_cd_m2[k],
+            frame.view,
+            frame.view.pixel_of(eye.azimuth_deg, eye.elevation_deg),
+            pupil_mm=pupils[k],
+            openness=eye.openness,
+            dt_s=dt_s,
+            exposure=adaptation.exposure(adapted_cd_m2[k]),
+        )
+        for k, (retina, eye) in enumerate(
+            zip(before or (afterimage.rested(effects.afterimage),) * len(eyes), eyes, strict=True)
+        )
+    )
+
+
+def _scenery(frame: Frame, measured: Sequence[Measurement], planning: Planning) -> Scenery:
+    eyes, _, height, width = frame.rgb_cd_m2.shape
+    bright = None if planning.budget_ms is None else max(bright_pixels(frame, measured))
+    return Scenery(eyes * height * width / 1e6, len(frame.lights), bright)
 
 
 def _pupils(view: View, eyes: Sequence[Looking], adapted: Sequence[float], observer: Observer) -> tuple[float, ...]:
@@ -214,6 +315,11 @@ def _glare(frame: Frame, sights: Sequence[Sight], settings: Glare, before: Glare
     return Glared(frame.rgb_cd_m2, cause, jax.block_until_ready(jnp.stack(images)))
 
 
+@jax.jit
+def _mix(one: Float[Array, "eye 3 y x"], other: Float[Array, "eye 3 y x"], weight: float) -> Float[Array, "eye 3 y x"]:
+    return (one * jnp.float32(weight) + other * (1 - jnp.float32(weight))).astype(jnp.float32)
+
+
 Result = TypeVar("Result")
 
 
@@ -228,3 +334,16 @@ class _Clock:
         result = jax.block_until_ready(run())
         self.milliseconds[part] = (time.perf_counter() - begun) * 1e3
         return result
+
+    def step(
+        self, step: Step, before: Float[Array, "eye 3 y x"], run: Callable[[str], Float[Array, "eye 3 y x"]]
+    ) -> Float[Array, "eye 3 y x"]:
+        """A frame after one effect: at its level, or between two."""
+        if not step.runs:
+            return before
+
+        def weighed() -> Float[Array, "eye 3 y x"]:
+            first, *second = [before if level == SKIPPED else run(level) for level in step.weights]
+            return _mix(first, *second, step.fade) if second else first
+
+        return self.time(step.effect, weighed)

@@ -44,7 +44,8 @@ def run(
         observer=settings.observer,
         display=settings.display,
         state=None if adapted_cd_m2 is None else RenderState((adapted_cd_m2,)),
-        glare=settings.glare,
+        effects=settings,
+        planning=settings.plan,
     )
     write_png(output, perceived.image[0])
     console.print(_plan_table(perceived))

@@ -1,4 +1,4 @@
-"""What a settings file may hold: the observer, the display and how glare is made, as TOML."""
+"""What a settings file may hold: the observer, the display, the effects and what may be left out, as TOML."""
 
 from __future__ import annotations
 
@@ -6,19 +6,19 @@ from pathlib import Path
 
 import msgspec
 
-from pipeline import Display, Glare, Observer
+from pipeline import Display, Effects, Observer, Planning
 
 
 class SettingsError(Exception):
     """A settings file cannot be used: the message names the file, the key and the remedy."""
 
 
-class Settings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """All of it; what a file leaves out has its default."""
+class Settings(Effects, frozen=True, forbid_unknown_fields=True):
+    """All of it, one table for each: those of the effects and these; what a file leaves out has its default."""
 
     observer: Observer = Observer()
     display: Display = Display()
-    glare: Glare = Glare()
+    plan: Planning = Planning()
 
 
 def load(path: Path | None) -> Settings:
@@ -31,6 +31,6 @@ def load(path: Path | None) -> Settings:
         raise SettingsError(f"settings file {path}: {error.strerror}; give the path of a TOML file") from None
     except (msgspec.DecodeError, UnicodeDecodeError) as error:
         known = "; ".join(
-            f"[{table.__name__.lower()}] {', '.join(table.__struct_fields__)}" for table in (Observer, Display, Glare)
+            f"[{field.name}] {', '.join(field.type.__struct_fields__)}" for field in msgspec.structs.fields(Settings)
         )
         raise SettingsError(f"settings file {path}: {error}. It may hold {known}") from None

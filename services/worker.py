@@ -143,7 +143,8 @@ def _perceive(
         display=perception.display,
         state=memory,
         dt_s=dt_s,
-        glare=perception.glare,
+        effects=perception,
+        planning=perception.plan,
     )
 
 

@@ -1,5 +1,26 @@
-"""Which effects a frame calls for, at which level, and why."""
+"""Which effects a frame calls for, at which level, and why: pure functions of what was measured.
 
-from pipeline.plan.make import SKIPPED, Effect, Plan, Step, make_plan
+steps.py     what a plan says: records
+settings.py  how much it may leave out
+chain.py     the most that leaving something out changes, carried through all later effects to the display
+make.py      what is left out
+reasons.py   why, in words
+"""
 
-__all__ = ["SKIPPED", "Effect", "Plan", "Step", "make_plan"]
+from pipeline.plan.chain import Eye
+from pipeline.plan.make import Planned, Scenery, make_plan
+from pipeline.plan.settings import Planning
+from pipeline.plan.steps import OFF, SKIPPED, Effect, Plan, Step
+
+__all__ = [
+    "OFF",
+    "SKIPPED",
+    "Effect",
+    "Eye",
+    "Plan",
+    "Planned",
+    "Planning",
+    "Scenery",
+    "Step",
+    "make_plan",
+]

@@ -7,18 +7,19 @@ from where it arises through all later effects to the display's code values.
 from __future__ import annotations
 
 import dataclasses
-import functools
 from collections.abc import Callable, Mapping
 
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.effects import acuity, afterimage, night_colour, rod_noise, tone
+from pipeline.effects import acuity, afterimage, rod_noise, tone
 from pipeline.effects.adaptation import Adapted
 from pipeline.effects.afterimage import Retina
-from pipeline.effects.glare import GlareLevel, Mixture, bounds, changes
+from pipeline.effects.glare import GlareLevel, Mixture, changes
+from pipeline.effects.glare.kernel import least_stays
+from pipeline.effects.night_colour import bounds as night_colour
 from pipeline.effects.settings import Effects
-from pipeline.frame import Display, Light
+from pipeline.frame import Display
 from pipeline.measure import Measurement
 from pipeline.plan.steps import SKIPPED, Effect
 from pipeline.ranges import Change, Range
@@ -26,7 +27,7 @@ from pipeline.ranges import Change, Range
 FULL = "full"
 """An effect at the level asked for."""
 Weights = Mapping[Effect, Mapping[str, float]]
-"""Of each effect that is not in full: its levels' weights, FULL among them."""
+"""Of each effect that is not in full: the weights of its levels, FULL among them."""
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -35,55 +36,152 @@ class Eye:
 
     measured: Measurement
     adapted: Adapted
-    threshold_cd_m2: float
-    """The smallest difference in luminance that it sees."""
     kernel: Mixture
     gaze_px: tuple[float, float]
-    ceiling_cd_m2: float | None
-    retina: Retina | None
-    lights: tuple[Light, ...] = ()
+    pupil_mm: float
+    ceiling_cd_m2: float | None = None
+    """Where given, only the light above it scatters."""
+    retina: Retina | None = None
+    """None where no afterimages are asked for."""
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Stage:
-    """One effect on the way from the frame to the display."""
+    """One effect on the way from the frame to the display. Ranges and changes are in cd/m², after tone of the peak."""
 
     effect: Effect
     lesser: Mapping[str, Callable[[Range], Change]]
-    """Of each level short of full: the most by which it differs from full. `skipped` always is one."""
-    passed_on: Callable[[Change, Range], Change]
-    """What becomes of a change that came before it."""
+    """Of each level short of full: the most by which it differs from the full effect."""
+    passed_on: Callable[[Change, Range, Change], Change]
+    """What becomes of a change that came before it; the third is the change before tone mapping."""
     after: Callable[[Range], Range]
-    """What may stand in a tile once it has run, or has not."""
+    """What may stand in a tile after it, whether it ran or not."""
 
 
 class Chain:
-    """What one eye's effects make of changes. Ranges are those of a frame with every effect in full, or without."""
+    """One eye's effects, and what may stand in each tile before each of them."""
 
     def __init__(self, eye: Eye, effects: Effects, display: Display) -> None:
-        self.eye, self._display = eye, display
-        self._scene, self._displayed = _stages(eye, effects, display)
-        self._tone = _tone(eye, effects, display)
-
-    @property
-    def effects(self) -> tuple[Effect, ...]:
-        """Those that may be left out."""
-        return tuple(stage.effect for stage in (*self._scene, *self._displayed))
+        self._display = display
+        self._stages: list[tuple[Stage, Range]] = []
+        range_ = eye.measured.range_cd_m2
+        self._unchanged = np.zeros_like(range_.low)
+        for stage in _scene_stages(eye, effects):
+            self._stages.append((stage, range_))
+            if stage.effect is Effect.ACUITY:
+                dark_from = range_
+            range_ = stage.after(range_)
+        for stage in _displayed_stages(eye, effects, display, range_):
+            self._stages.append((stage, range_))
+            range_ = stage.after(range_)
+        self._shown = range_
+        self.dark = acuity.dark_tiles(dark_from, eye.measured.view.ppd_centre, effects.acuity)
+        """Tiles (row, column) that may hold a pixel dark enough for acuity."""
 
     def lesser(self, effect: Effect, level: str) -> Change:
-        """The most by which a level differs from the full effect, where the effect ends: cd/m², or of the peak."""
-        stage, range_ = next(pair for pair in self._ranges if pair[0].effect is effect)
+        """The most by which this level of an effect differs from it in full, right behind it."""
+        stage, range_ = next(pair for pair in self._stages if pair[0].effect is effect)
         return stage.lesser[level](range_)
 
     def code_values(self, weights: Weights) -> NDArray[np.float64]:
-        """By how many code values a pixel of each tile differs at most from that of the full picture."""
-        change = np.zeros_like(self.eye.measured.range_cd_m2.low)
-        range_ = self.eye.measured.range_cd_m2
-        shown = False
-        for stage, range_ in self._ranges:
-            if stage in self._displayed and not shown:
-                change, shown = self._to_display(change), True
-            change = _mixed(stage, weights.get(stage.effect, {FULL: 1.0}), change, range_)
-        if not shown:
-            change = self._to_display(change)
-        return tone.code_values(change, self._last, self._display)
+        """By how many code values a pixel of each tile may differ from the full picture, if effects run so weighed."""
+        change = scene_change = self._unchanged
+        started = False
+        for stage, range_ in self._stages:
+            if stage.effect is Effect.TONE:
+                scene_change = change
+            of_stage = weights.get(stage.effect)
+            if of_stage is None:
+                # Until something is left out, nothing has changed.
+                if started:
+                    change = stage.passed_on(change, range_, scene_change)
+                continue
+            started = True
+            wide = range_.widened(change)
+            weighed = [
+                weight
+                * (
+                    stage.passed_on(change, range_, scene_change)
+                    if level == FULL
+                    else change + stage.lesser[level](wide)
+                )
+                for level, weight in of_stage.items()
+            ]
+            change = np.sum(weighed, axis=0)
+        return tone.code_values(change, self._shown, self._display)
+
+
+def _scene_stages(eye: Eye, effects: Effects) -> list[Stage]:
+    measured = eye.measured
+    glare = (eye.kernel, measured, eye.gaze_px)
+    kernel = changes.lesser(*glare, effects.glare.level, eye.ceiling_cd_m2)
+    most = kernel + changes.veil(eye.kernel, measured, eye.ceiling_cd_m2)
+
+    def of_sources(range_: Range) -> Change:
+        # Neither scatters all light, and by the veil alone both differ from it by no more than their kernels.
+        return kernel + changes.lesser(*glare, GlareLevel.SOURCES, eye.ceiling_cd_m2)
+
+    stages = [
+        Stage(
+            Effect.GLARE,
+            {
+                SKIPPED: lambda range_: most,
+                GlareLevel.VEIL.value: lambda range_: kernel,
+                GlareLevel.SOURCES.value: of_sources,
+            },
+            lambda change, range_, scene: change,
+            lambda range_: changes.after(measured, most, least_stays(eye.kernel)),
+        )
+    ]
+    ppd = measured.view.ppd_centre
+    stages.append(
+        Stage(
+            Effect.ACUITY,
+            {SKIPPED: lambda range_: acuity.skipped(range_, ppd, effects.acuity)},
+            lambda change, range_, scene: acuity.passed_on(change, range_, ppd, effects.acuity),
+            lambda range_: range_.widened(acuity.skipped(range_, ppd, effects.acuity)),
+        )
+    )
+    if effects.rod_noise.on:
+        stages.append(
+            Stage(
+                Effect.ROD_NOISE,
+                {SKIPPED: lambda range_: rod_noise.skipped(range_, eye.pupil_mm, effects.rod_noise)},
+                lambda change, range_, scene: rod_noise.passed_on(change, range_, eye.pupil_mm, effects.rod_noise),
+                lambda range_: range_.widened(rod_noise.skipped(range_, eye.pupil_mm, effects.rod_noise)),
+            )
+        )
+    return stages
+
+
+def _displayed_stages(eye: Eye, effects: Effects, display: Display, scene: Range) -> list[Stage]:
+    adapted = eye.adapted.luminance_cd_m2
+    toned = (adapted, eye.adapted.tone_target_cd_m2(effects.adaptation), effects.tone, display)
+    night = effects.night_colour
+    stages = [
+        Stage(
+            Effect.TONE,
+            {},
+            lambda change, range_, scene_change: tone.passed_on(change, range_, *toned),
+            lambda range_: tone.shown(range_, *toned),
+        ),
+        Stage(
+            Effect.NIGHT_COLOUR,
+            {SKIPPED: lambda range_: night_colour.skipped(range_, adapted, night, scene)},
+            lambda change, range_, scene_change: night_colour.passed_on(
+                change, range_, adapted, night, scene, scene_change
+            ),
+            lambda range_: range_.widened(night_colour.skipped(range_, adapted, night, scene)),
+        ),
+    ]
+    if eye.retina is not None:
+        where = (eye.retina, eye.measured.view, eye.gaze_px)
+        stages.append(
+            Stage(
+                Effect.AFTERIMAGE,
+                {SKIPPED: lambda range_: afterimage.skipped(range_, *where)},
+                lambda change, range_, scene_change: afterimage.passed_on(change, range_, *where),
+                lambda range_: range_.widened(afterimage.skipped(range_, *where)),
+            )
+        )
+    return stages

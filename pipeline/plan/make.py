@@ -1,144 +1,223 @@
-"""Which effects a frame calls for, at which level, and why: a pure function of what was measured."""
+"""The plan of a frame: a pure function of what it contains, the eyes' state, the observer, the display and a budget."""
 
 from __future__ import annotations
 
 import dataclasses
-import enum
-from collections.abc import Sequence
+import math
+from collections.abc import Mapping, Sequence
 
-from pipeline.effects import acuity, adaptation, night_colour
-from pipeline.effects.glare import Glare, Scattering
-from pipeline.frame import Light
-from pipeline.measure import MAX_SOURCES, Measurement
-from pipeline.threshold import threshold_cd_m2
+import numpy as np
+from numpy.typing import NDArray
 
-
-class Effect(enum.StrEnum):
-    """The effects, in the order in which they run."""
-
-    ADAPTATION = "adaptation"
-    GLARE = "glare"
-    ACUITY = "acuity"
-    TONE = "tone"
-    NIGHT_COLOUR = "night_colour"
+from pipeline.budget import SHIPPED, Choice, CostModel, Option, settle
+from pipeline.effects.glare import GlareLevel
+from pipeline.effects.glare.sources import MOST_SOURCES
+from pipeline.effects.settings import Effects
+from pipeline.frame import Display
+from pipeline.plan.chain import FULL, Chain, Eye, Weights
+from pipeline.plan.reasons import Lesser, reason_of
+from pipeline.plan.settings import Planning
+from pipeline.plan.steps import OFF, SKIPPED, Effect, Plan, Step
 
 
-SKIPPED = "skipped"
-PHOTOPIC_CD_M2 = 3.0
-"""Above it only cones see (Ferwerda; BAR 3)."""
+@dataclasses.dataclass(frozen=True, eq=False)
+class Scenery:
+    """What a frame has beside its pixels."""
+
+    megapixels: float
+    """All eyes' together."""
+    lights: int = 0
+    """Lights of their own: they are drawn with their glare, so that is not left out."""
+    bright_pixels: int | None = None
+    """Of the eye that has most, how many pixels are sources of light; None where that was not counted, and so glare of
+    these alone is no choice."""
 
 
-@dataclasses.dataclass(frozen=True)
-class Step:
-    """What the plan says of one effect."""
+@dataclasses.dataclass(frozen=True, eq=False)
+class Planned:
+    """A plan, and what is needed to run it and to make the next one."""
 
-    effect: Effect
-    level: str
-    """How it runs, or `skipped`."""
-    reason: str
-    """Why, with the measured figures."""
-
-    @property
-    def runs(self) -> bool:
-        """Whether the effect runs at all."""
-        return self.level != SKIPPED
-
-
-Plan = tuple[Step, ...]
+    plan: Plan
+    choices: dict[str, Choice]
+    dark: NDArray[np.bool_]
+    """(row, column): tiles of the ranges that may hold, in any eye, a pixel dark enough for acuity."""
 
 
 def make_plan(
-    measured: Sequence[Measurement],
-    adapted_cd_m2: Sequence[float],
-    scattering: Sequence[Scattering],
-    glare: Glare = Glare(),
-    lights: Sequence[Light] = (),
-) -> Plan:
-    """The plan for a frame: an effect runs on all eyes' images if any eye calls for it.
+    eyes: Sequence[Eye],
+    scenery: Scenery,
+    effects: Effects = Effects(),
+    display: Display = Display(),
+    planning: Planning = Planning(),
+    *,
+    before: Mapping[str, Choice] | None = None,
+    dt_s: float = 0.0,
+    costs: CostModel = SHIPPED,
+) -> Planned:
+    """The plan for a frame, and what planning has to remember for the next one, `dt_s` after the one before.
 
-    One measurement, adapted luminance and kernel bound for each eye. A skip of glare changes no pixel's luminance by
-    more than the threshold of an eye so adapted; a skip of acuity changes none at all.
+    An effect runs on all eyes' images if any eye calls for it. Each is left out, or done at its cheapest level, whose
+    bound is within the tolerance; glare also where it stays below the threshold of an eye so adapted. Under a budget,
+    the plan of least predicted error that fits: up to the tolerance errors count nothing, beyond it by their mean over
+    the tiles' bounds.
     """
+    chains = [Chain(eye, effects, display) for eye in eyes]
+    choosable = _choosable(effects)
+    found = _lesser(eyes, chains, scenery, effects, planning, choosable, before or {})
+    options = {effect.value: _options(effect, effects, found, scenery, planning, costs) for effect in choosable}
+    budget_ms = math.inf if planning.budget_ms is None else planning.budget_ms - fixed_ms(costs, scenery.megapixels)
+    choices = settle(
+        before or {}, options, dt_s, budget_ms=budget_ms, tolerance_code_values=planning.tolerance_code_values
+    )
+    weights: Weights = {
+        effect: {
+            FULL if level == _full_level(effect, effects) else level: weight
+            for level, weight in choices[effect.value].weights.items()
+        }
+        for effect in choosable
+        if set(choices[effect.value].weights) != {_full_level(effect, effects)}
+    }
+    steps = [_step(effect, choices.get(effect.value), eyes, scenery, effects, planning, found) for effect in Effect]
+    bound = max(float(chain.code_values(weights).max()) for chain in chains) if weights else 0.0
+    dark = np.any([chain.dark for chain in chains], axis=0)
+    return Planned(Plan(tuple(steps), bound), choices, dark)
+
+
+def fixed_ms(costs: CostModel, megapixels: float) -> float:
+    """What every frame takes, whatever is planned."""
+    parts = (("measure", "whole"), ("plan", "whole"), (Effect.ADAPTATION, ""), (Effect.TONE, ""), ("encode", "whole"))
+    return sum(costs.ms(effect, level, megapixels) for effect, level in parts)
+
+
+def _choosable(effects: Effects) -> tuple[Effect, ...]:
+    """The effects that may be left out, as far as they are switched on."""
+    further = ((Effect.ROD_NOISE, effects.rod_noise.on), (Effect.AFTERIMAGE, effects.afterimage.on))
     return (
-        Step(Effect.ADAPTATION, "temporal", f"adapted to {_list(adapted_cd_m2)} cd/m²"),
-        _plan_glare(measured, adapted_cd_m2, scattering, glare, lights),
-        _plan_acuity(measured, scattering),
-        Step(Effect.TONE, "aces", "every display needs it"),
-        _plan_night_colour(adapted_cd_m2),
-    )
-
-
-def _plan_glare(
-    measured: Sequence[Measurement],
-    adapted_cd_m2: Sequence[float],
-    scattering: Sequence[Scattering],
-    glare: Glare,
-    lights: Sequence[Light],
-) -> Step:
-    if lights:
-        reason = (
-            f"{len(lights)} {'lights of their own are' if len(lights) > 1 else 'light of its own is'} drawn with it"
-        )
-        return Step(Effect.GLARE, f"{glare.model} {glare.level}", reason)
-    # The eye that calls for it most.
-    bound, threshold, eye = max(
-        (
-            (kernel.share * eye.max_cd_m2, threshold_cd_m2(adapted), eye)
-            for eye, adapted, kernel in zip(measured, adapted_cd_m2, scattering, strict=True)
-        ),
-        key=lambda candidate: candidate[0] / candidate[1],
-    )
-    seen = f"brightest pixel {eye.max_cd_m2:.3g} cd/m², {_lights(eye)}"
-    if bound <= threshold:
-        reason = (
-            f"{seen}: glare changes no pixel by more than {bound:.2g}, the eye's threshold is {threshold:.2g} cd/m²"
-        )
-        return Step(Effect.GLARE, SKIPPED, reason)
-    reason = f"{seen}: glare may change a pixel by {bound:.2g}, over the threshold of {threshold:.2g} cd/m²"
-    return Step(Effect.GLARE, f"{glare.model} {glare.level}", reason)
-
-
-def _lights(measured: Measurement) -> str:
-    count = len(measured.sources)
-    more = " or more" if count == MAX_SOURCES else ""
-    return f"{count}{more} {'light stands' if count == 1 else 'lights stand'} out" if count else "no light stands out"
-
-
-def _plan_acuity(measured: Sequence[Measurement], scattering: Sequence[Scattering]) -> Step:
-    darkest = min(eye.min_cd_m2 for eye in measured)
-    # Glare may take from a pixel what it scatters.
-    left = min(eye.min_cd_m2 * kernel.stays for eye, kernel in zip(measured, scattering, strict=True))
-    if left >= acuity.LIMIT_CD_M2:
-        return Step(
-            Effect.ACUITY,
-            SKIPPED,
-            f"darkest pixel {darkest:.3g} cd/m², {left:.3g} of it after glare: above {acuity.LIMIT_CD_M2:.2g} cd/m² an "
-            "eye resolves every pixel",
-        )
-    return Step(
+        Effect.GLARE,
         Effect.ACUITY,
-        "lightness",
-        f"darkest pixel {darkest:.3g} cd/m², {_percent(measured, 0.01)} of it below 0.01 cd/m²",
+        *(effect for effect, on in further[:1] if on),
+        Effect.NIGHT_COLOUR,
+        *(effect for effect, on in further[1:] if on),
     )
 
 
-def _plan_night_colour(adapted_cd_m2: Sequence[float]) -> Step:
-    darkest = min(adapted_cd_m2)
-    share = adaptation.rod_sensitivity(darkest)
-    if darkest >= PHOTOPIC_CD_M2:
-        change = night_colour.grey_change_code_values(share)
-        return Step(
-            Effect.NIGHT_COLOUR,
-            SKIPPED,
-            f"adapted to {darkest:.3g} cd/m², above {PHOTOPIC_CD_M2:g} cd/m² cones alone see; a grey would change by "
-            f"{change:.2g} of 255 code values",
-        )
-    return Step(Effect.NIGHT_COLOUR, "tint", f"adapted to {darkest:.3g} cd/m²: rods carry {share:.0%} of vision")
+def _full_level(effect: Effect, effects: Effects) -> str:
+    """What an effect's level is called when nothing of it is left out."""
+    match effect:
+        case Effect.ADAPTATION:
+            return effects.adaptation.target.value
+        case Effect.GLARE:
+            return effects.glare.level.value
+        case Effect.ACUITY:
+            return effects.acuity.method.value
+        case Effect.TONE:
+            return effects.tone.operator.value
+        case Effect.NIGHT_COLOUR:
+            return effects.night_colour.method.value
+        case _:
+            return "on"
 
 
-def _list(values: Sequence[float]) -> str:
-    return " and ".join(f"{value:.3g}" for value in dict.fromkeys(values))
+def _lesser(
+    eyes: Sequence[Eye],
+    chains: Sequence[Chain],
+    scenery: Scenery,
+    effects: Effects,
+    planning: Planning,
+    choosable: Sequence[Effect],
+    before: Mapping[str, Choice],
+) -> dict[tuple[Effect, str], Lesser]:
+    """Of each level short of full that is open to an effect: what it may change, in the eye that it changes most."""
+    found: dict[tuple[Effect, str], Lesser] = {}
+    for effect in choosable:
+        held = before[effect].weights if effect in before else {}
+        for level in _open(effect, scenery, effects, planning, held):
+            of_eyes = [
+                _lesser_of(eye, chain, effect, level, effects, planning)
+                for eye, chain in zip(eyes, chains, strict=True)
+            ]
+            found[effect, level] = max(of_eyes, key=lambda lesser: lesser.error_code_values)
+            if found[effect, level].error_code_values <= planning.tolerance_code_values / 2 and not held.keys() - {
+                SKIPPED,
+                _full_level(effect, effects),
+            }:
+                break  # nothing dearer can be called for
+    return found
 
 
-def _percent(measured: Sequence[Measurement], limit: float) -> str:
-    return f"{max(eye.share_below(limit) for eye in measured):.0%}"
+def _open(
+    effect: Effect, scenery: Scenery, effects: Effects, planning: Planning, held: Mapping[str, float]
+) -> list[str]:
+    """The levels that may stand in for the one asked for, cheapest first."""
+    if effect is not Effect.GLARE:
+        return [SKIPPED]
+    asked = effects.glare.level
+    if scenery.lights or asked is GlareLevel.REFERENCE:
+        return []
+    levels = [SKIPPED]
+    if asked is not GlareLevel.VEIL:
+        levels.append(GlareLevel.VEIL.value)
+    few = scenery.bright_pixels is not None and scenery.bright_pixels <= MOST_SOURCES
+    if asked in (GlareLevel.WINDOW, GlareLevel.FRAME) and (few or GlareLevel.SOURCES.value in held):
+        levels.append(GlareLevel.SOURCES.value)
+    return levels
+
+
+def _lesser_of(eye: Eye, chain: Chain, effect: Effect, level: str, effects: Effects, planning: Planning) -> Lesser:
+    tolerance = planning.tolerance_code_values
+    of_tiles = chain.code_values({effect: {level: 1.0}})
+    worst = float(of_tiles.max())
+    threshold_cd_m2 = eye.adapted.threshold_cd_m2(effects.adaptation)
+    change_cd_m2 = float(chain.lesser(effect, level)[3].max()) if effect is Effect.GLARE else math.inf
+    if worst <= tolerance:
+        error = worst
+    elif change_cd_m2 <= threshold_cd_m2:
+        # As much within the tolerance as it is below the threshold.
+        error = tolerance * change_cd_m2 / threshold_cd_m2
+    else:
+        error = max(float(of_tiles.mean()), math.nextafter(tolerance, math.inf))
+    return Lesser(eye, chain, error, worst, change_cd_m2, threshold_cd_m2)
+
+
+def _options(
+    effect: Effect,
+    effects: Effects,
+    found: Mapping[tuple[Effect, str], Lesser],
+    scenery: Scenery,
+    planning: Planning,
+    costs: CostModel,
+) -> list[Option]:
+    if effect in planning.leave_out:
+        return [Option(SKIPPED, 0.0, 0.0)]
+    full = _full_level(effect, effects)
+    in_full = Option(full, 0.0, costs.ms(effect, full, scenery.megapixels))
+    if planning.everything:
+        return [in_full]
+    lesser = [
+        Option(level, error.error_code_values, 0.0 if level == SKIPPED else costs.ms(effect, level, scenery.megapixels))
+        for (of_effect, level), error in found.items()
+        if of_effect is effect
+    ]
+    return [*lesser, in_full]
+
+
+def _step(
+    effect: Effect,
+    choice: Choice | None,
+    eyes: Sequence[Eye],
+    scenery: Scenery,
+    effects: Effects,
+    planning: Planning,
+    found: Mapping[tuple[Effect, str], Lesser],
+) -> Step:
+    if choice is None and effect not in (Effect.ADAPTATION, Effect.TONE):
+        return Step(effect, OFF, "switched off in the settings")
+    full = _full_level(effect, effects)
+    if choice is None:
+        return Step(effect, full, reason_of(effect, full, eyes, scenery.lights, effects, planning, found))
+    lesser = [found.get((effect, level)) for level in choice.weights if level != full]
+    bound = max((one.bound_code_values for one in lesser if one is not None), default=0.0)
+    reason = reason_of(effect, choice.level, eyes, scenery.lights, effects, planning, found)
+    if choice.fade_from is not None:
+        reason += f"; {choice.fade:.0%} of the way from {choice.fade_from}"
+    return Step(effect, choice.level, reason, bound, choice.fade_from, choice.fade)

@@ -6,14 +6,18 @@ from typing import Annotated
 
 import msgspec
 
+from pipeline.plan.steps import Effect
+
 
 class Planning(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """What decides between accuracy and time."""
 
     everything: bool = False
     """Every effect runs in full, called for or not."""
+    leave_out: frozenset[Effect] = frozenset()
+    """Effects that do not run whatever they would change: to see what each of them does."""
     tolerance_code_values: Annotated[float, msgspec.Meta(gt=0.0, le=64.0)] = 0.5
     """An effect, or a better level of it, is left out where it changes no component of any pixel by more. Half a code
     value rounds to the same code value, give or take one."""
     budget_ms: Annotated[float, msgspec.Meta(gt=0.0, le=1e6)] | None = None
-    """Time that a frame may take: of all plans that fit, the one of least predicted error. None: as long as it takes."""
+    """Time that a frame may take: of all plans that fit, the one of least predicted error. None: what it takes."""

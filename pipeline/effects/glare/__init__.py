@@ -9,6 +9,7 @@ sources.py    the kernel for the few brightest pixels
 light_glare.py  lights that the frame's pixels do not show, with spectra of their own (lights.py)
 stamp.py      kernels laid down at single pixels
 reference.py  the truth that the others are compared to
+changes.py    how much all this can change, from the tiles' ranges
 """
 
 from __future__ import annotations
@@ -19,7 +20,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from pipeline.effects.glare import convolve, light_glare, reference, sources, veil, window
-from pipeline.effects.glare.kernel import Mixture, Scattering, bounds
+from pipeline.effects.glare.kernel import Mixture
 from pipeline.effects.glare.models import GlareModel, mixture
 from pipeline.effects.glare.settings import Glare, GlareLevel
 from pipeline.frame import Light, View
@@ -27,7 +28,7 @@ from pipeline.measure import Measurement, luminance
 from pipeline.observer import Observer
 from pipeline.optics.aperture import Pose
 
-__all__ = ["Glare", "GlareLevel", "GlareModel", "Mixture", "Scattering", "Sight", "bounds", "mixture", "scatter"]
+__all__ = ["Glare", "GlareLevel", "GlareModel", "Mixture", "Sight", "mixture", "scatter"]
 
 
 @dataclasses.dataclass(frozen=True)

@@ -17,30 +17,22 @@ from numpy.typing import NDArray
 from pipeline.effects.glare.kernel import Mixture, Veil
 from pipeline.effects.glare.settings import GlareLevel
 from pipeline.effects.glare.veil import amounts
-from pipeline.effects.glare.window import ROUNDING, falloff, window_of
+from pipeline.effects.glare.window import falloff, float32_limit_cd_m2, window_of
 from pipeline.frame import View
 from pipeline.measure import SOURCE_RATIO, Measurement
 from pipeline.optics import radial
 from pipeline.ranges import Change, Range
 
-VEIL_MARGIN = 0.05
+VEIL_MARGIN = 0.1
 """Of what a veil brings: its tiles are up to 2 % off at 9–10° (docs/optics.md), and the share that comes from within
 the frame is summed coarsely here."""
 FIELD = 48
 """The field is summed in so many parts along each axis, and a veil looked at in a quarter as many places."""
+ROUNDED = 3e-8
+"""Rounding of a convolution in float32, as a share of the brightest light that is convolved so. Measured: 2e-8 from one
+channel to another of a frame half of which is lit."""
 STEEPEST = 3.0
 """The falloff's steepest slope, per reach."""
-
-
-def skipped(
-    kernel: Mixture,
-    measured: Measurement,
-    gaze_px: tuple[float, float],
-    asked: GlareLevel,
-    ceiling_cd_m2: float | None = None,
-) -> Change:
-    """The most that glare at the level asked for changes: what leaving it out may hide, in cd/m²."""
-    return lesser(kernel, measured, gaze_px, asked, ceiling_cd_m2) + _veil(kernel, measured, ceiling_cd_m2)
 
 
 def lesser(
@@ -74,7 +66,7 @@ def lesser(
     if asked is GlareLevel.WINDOW:
         change = _in_window(change, high, kernel, measured.view, gaze_px, tile_px)
     if asked in (GlareLevel.WINDOW, GlareLevel.FRAME):
-        change += ROUNDING * range_.high.max()
+        change += ROUNDED * min(float(range_.high.max()), float32_limit_cd_m2(measured))
     return change
 
 
@@ -86,15 +78,18 @@ def after(measured: Measurement, change: Change, stays: float) -> Range:
     return wide
 
 
-def _veil(kernel: Mixture, measured: Measurement, ceiling_cd_m2: float | None) -> Change:
-    """Each pixel gives its veil's share away and gets what lies between the darkest and the brightest frame's."""
+def veil(kernel: Mixture, measured: Measurement, ceiling_cd_m2: float | None = None) -> Change:
+    """The most that the veil changes, in cd/m².
+
+    Each pixel gives its veil's share away and gets what lies between the darkest and the brightest frame's.
+    """
     low, high = measured.range_cd_m2.low, measured.range_cd_m2.high
     if ceiling_cd_m2 is not None:
         low, high = np.zeros_like(low), np.where(high[3] > ceiling_cd_m2, high, 0)
     brightest, darkest = high.max(axis=(1, 2), keepdims=True), low.min(axis=(1, 2), keepdims=True)
     change = np.zeros_like(low)
-    for veil, share in amounts(kernel).items():
-        within = _within(measured.view, veil, low.shape[1], low.shape[2])
+    for function, share in amounts(kernel).items():
+        within = _within(measured.view, function, low.shape[1], low.shape[2])
         gains = np.minimum(within * (1 + VEIL_MARGIN), 1) * brightest - low
         change += share * np.maximum(gains, high - within * (1 - VEIL_MARGIN) * darkest).clip(0)
     return change

@@ -23,20 +23,6 @@ from pipeline.frame import LUMINANCE_WEIGHTS
 from pipeline.optics import whole
 
 
-@dataclasses.dataclass(frozen=True)
-class Scattering:
-    """Bounds of a kernel: all that planning needs to know of it."""
-
-    share: float
-    """No pixel's luminance changes by more than this share of the frame's largest.
-
-    A pixel loses what it scatters itself and gets what the others scatter to it. Both are positive, so the change is no
-    more than the larger of the two, whatever the frame, the light beyond its edges and the window's falloff.
-    """
-    stays: float
-    """Least share of a point's luminance that stays in its pixel."""
-
-
 Formula = Callable[..., NDArray[np.float64]]
 """One of analytic.py's densities: of the angle in degrees and its parameters."""
 
@@ -76,22 +62,15 @@ class Component:
         return np.eye(3) * self.veil_share + np.asarray(self.stays, np.float64) * alike
 
     @functools.cached_property
-    def bounds(self) -> Scattering:
-        """How much light this component can move."""
-        scatters = np.asarray(self.scatters, np.float64)
-        stays = np.asarray(self.stays, np.float64)
-        if len(stays) > 1:
+    def least_stays(self) -> float:
+        """Least share of a point's luminance that stays in its pixel."""
+        scatters, stays = np.asarray(self.scatters, np.float64), np.asarray(self.stays, np.float64)
+        middle = scatters[:, :, scatters.shape[2] // 2, scatters.shape[3] // 2] + stays
+        if len(middle) > 1:
             # The luminance that each channel's light makes, as a share of its own.
             to_luminance = np.array(LUMINANCE_WEIGHTS)
-            scatters = np.einsum("o,oijk->ijk", to_luminance, scatters) / to_luminance[:, None, None]
-            stays = to_luminance @ stays / to_luminance
-        else:
-            scatters, stays = scatters[0], stays[0]
-        middle = scatters[:, scatters.shape[1] // 2, scatters.shape[2] // 2]
-        least = float((stays + middle).min())
-        # A pixel gets at most the brightest luminance from all others, each time in the colour that scatters most.
-        gets = float(scatters.max(axis=0).sum() - middle.max()) + self.veil_share
-        return Scattering(max(1 - least, gets), least)
+            return float((to_luminance @ middle / to_luminance).min())
+        return float(middle.min())
 
     def rings(self, edges_px: tuple[int, ...]) -> NDArray[np.float64]:
         """What is scattered further than one edge and no further than the next, along either axis: (ring, 4, 3).
@@ -125,12 +104,9 @@ Mixture = tuple[tuple[Component, float], ...]
 """A kernel: components and their weights, which add up to 1."""
 
 
-def bounds(mixture: Mixture) -> Scattering:
-    """How much light a kernel can move."""
-    return Scattering(
-        sum(weight * component.bounds.share for component, weight in mixture),
-        sum(weight * component.bounds.stays for component, weight in mixture),
-    )
+def least_stays(mixture: Mixture) -> float:
+    """Least share of a point's luminance that stays in its pixel."""
+    return sum(weight * component.least_stays for component, weight in mixture)
 
 
 def component(kernel: NDArray[np.float64], veil: Veil | None, veil_share: float) -> Component:

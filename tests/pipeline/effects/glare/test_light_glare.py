@@ -5,7 +5,19 @@ import dataclasses
 import numpy as np
 import pytest
 
-from pipeline import Frame, Glare, GlareLevel, GlareModel, Light, Looking, Observer, RenderState, View, perceive
+from pipeline import (
+    Effects,
+    Frame,
+    Glare,
+    GlareLevel,
+    GlareModel,
+    Light,
+    Looking,
+    Observer,
+    RenderState,
+    View,
+    perceive,
+)
 from pipeline.effects.glare import Sight, mixture, scatter
 from pipeline.effects.glare.light_glare import add_lights
 from pipeline.measure import luminance, measure
@@ -78,7 +90,9 @@ def test_a_light_follows_the_pupil_whatever_the_frames_own_function(model: Glare
     frame = dataclasses.replace(Frame.from_rgb(np.full((60, 64, 3), 0.01, np.float32), 40.0), lights=(Light(0, 0, 1),))
     state, images = RenderState((0.05,)), []
     for pupil_mm in (3.0, 7.0):
-        seen = perceive(frame, Looking(pupil_mm=pupil_mm), observer=EYE, state=state, glare=Glare(model))
+        seen = perceive(
+            frame, Looking(pupil_mm=pupil_mm), observer=EYE, state=state, effects=Effects(glare=Glare(model))
+        )
         assert seen.state.glared is not None
         images.append(np.asarray(seen.state.glared.result))
         state = seen.state

@@ -1,0 +1,163 @@
+"""Skipping is safe: what was planned differs nowhere from everything in full by more than the plan says."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from pipeline import (
+    Display,
+    Effects,
+    Encoding,
+    Frame,
+    Glare,
+    GlareLevel,
+    GlareModel,
+    Looking,
+    Observer,
+    Perceived,
+    Planning,
+    RenderState,
+    perceive,
+)
+from pipeline.cost.scenes import SCENES, scene
+from pipeline.effects.acuity import Acuity, AcuityMethod
+from pipeline.effects.afterimage import Afterimage
+from pipeline.effects.night_colour import NightColour, NightMethod
+from pipeline.effects.rod_noise import RodNoise
+from pipeline.effects.tone import Hue, Operator, Tone
+from pipeline.plan import OFF, SKIPPED, Effect
+from pipeline.scenes import open_scene
+from pipeline.scenes.scene import Head
+from tracker_bridge.wire import Eye
+
+HDR = Path(__file__).resolve().parents[4] / "shared" / "data" / "hdr"
+ROUNDING = 0.02
+"""Code values: float32 on the way through five effects, most of it sRGB's steep beginning."""
+WITHOUT_FILE = [operator for operator in Operator if operator is not Operator.CURVE]
+EYE = Observer(particles=100, gratings=20, cornea_cells=300, vitreous_particles=20)
+
+
+def code_values(perceived: Perceived) -> np.ndarray:
+    """sRGB before rounding, by its definition."""
+    x = np.clip(np.asarray(perceived.linear, np.float64), 0, 1)
+    return 255 * np.where(x <= 0.0031308, 12.92 * x, 1.055 * x ** (1 / 2.4) - 0.055)
+
+
+def differs(planned: Perceived, full: Perceived) -> float:
+    return float(np.abs(code_values(planned) - code_values(full)).max())
+
+
+def planned_and_full(frame: Frame, eye: Looking, **more: object) -> tuple[Perceived, Perceived]:
+    return tuple(  # type: ignore[return-value]
+        perceive(frame, eye, **{"observer": EYE, **more, "planning": planning})
+        for planning in (Planning(), Planning(everything=True))
+    )
+
+
+def holds(frame: Frame, eye: Looking, **more: object) -> Perceived:
+    planned, full = planned_and_full(frame, eye, **more)
+    assert all(step.level not in (SKIPPED,) for step in full.plan)
+    assert full.plan.bound_code_values == 0
+    difference = differs(planned, full)
+    assert difference <= planned.plan.bound_code_values + ROUNDING, [
+        (step.effect, step.level, step.bound_code_values) for step in planned.plan
+    ]
+    if all(step.level != SKIPPED for step in planned.plan) and planned.plan[Effect.GLARE].level == "window":
+        assert difference == 0
+    return planned
+
+
+@pytest.mark.parametrize("name", SCENES)
+@pytest.mark.parametrize("pupil_mm", [2.0, 6.5])
+def test_on_the_scenes_that_costs_are_measured_on(name: str, pupil_mm: float) -> None:
+    made = scene(name, 180, 200)
+    holds(made.frame, Looking(3.0, -2.0, pupil_mm))
+
+
+@pytest.mark.shared_data
+@pytest.mark.parametrize("path", sorted(HDR.glob("*.hdr")) + sorted(HDR.glob("*.exr")), ids=lambda path: path.stem)
+def test_on_real_frames_from_starlight_to_daylight(path: Path) -> None:
+    for mean_cd_m2 in 10.0 ** np.arange(-3, 5):
+        opened = open_scene(str(path), mean_luminance_cd_m2=float(mean_cd_m2))
+        frame = opened.frame(0.0, opened.view_for(180, None, 104.0), Head(), (Eye.LEFT,))
+        holds(frame, Looking(pupil_mm=4.0), effects=Effects(glare=Glare(GlareModel.CIE)))
+
+
+@settings(max_examples=60, deadline=None)
+@given(
+    seed=st.integers(0, 2**32 - 1),
+    grain=st.sampled_from([1, 3, 10, 80]),
+    log_cd_m2=st.floats(-6, 5),
+    decades=st.sampled_from([0.0, 0.01, 0.1, 1.0, 6.0]),
+    log_adapted=st.floats(-6, 5),
+    effects=st.builds(
+        Effects,
+        glare=st.builds(
+            Glare,
+            model=st.sampled_from([GlareModel.CIE, GlareModel.IJSPEERT]),
+            level=st.sampled_from([GlareLevel.VEIL, GlareLevel.WINDOW, GlareLevel.FRAME]),
+            above_display=st.booleans(),
+        ),
+        acuity=st.builds(Acuity, method=st.sampled_from(AcuityMethod)),
+        rod_noise=st.builds(RodNoise, on=st.booleans()),
+        tone=st.builds(
+            Tone,
+            operator=st.sampled_from([op for op in Operator if op is not Operator.CURVE]),
+            hue=st.sampled_from(Hue),
+        ),
+        night_colour=st.builds(NightColour, method=st.sampled_from(NightMethod)),
+        afterimage=st.builds(Afterimage, on=st.booleans()),
+    ),
+    display=st.builds(Display, peak_cd_m2=st.sampled_from([80.0, 1000.0])),
+)
+def test_on_random_frames(
+    seed: int,
+    grain: int,
+    log_cd_m2: float,
+    decades: float,
+    log_adapted: float,
+    effects: Effects,
+    display: Display,
+) -> None:
+    random = np.random.default_rng(seed)
+    coarse = 10 ** random.uniform(
+        log_cd_m2 - decades / 2, log_cd_m2 + decades / 2, (-(-64 // grain), -(-60 // grain), 3)
+    )
+    frame = Frame.from_rgb(coarse.repeat(grain, 0).repeat(grain, 1)[:64, :60], 60.0)
+    holds(frame, Looking(2.0, 1.0, 4.0), state=RenderState((10**log_adapted,)), effects=effects, display=display)
+
+
+def test_hidden_in_a_bright_room_it_differs_less_than_an_eye_sees_of_glare() -> None:
+    planned = holds(scene("bright room", 360, 400).frame, Looking(pupil_mm=3.0))
+    assert planned.plan[Effect.GLARE].level == planned.plan[Effect.ACUITY].level == SKIPPED
+    assert planned.plan[Effect.NIGHT_COLOUR].level == SKIPPED
+    assert planned.plan.bound_code_values < 5
+
+
+def test_what_is_switched_off_is_no_skip() -> None:
+    plan = perceive(scene("dusk", 90, 100).frame, Looking(pupil_mm=3.0), observer=EYE).plan
+    assert plan[Effect.ROD_NOISE].level == plan[Effect.AFTERIMAGE].level == OFF
+
+
+@pytest.mark.parametrize("effect", [Effect.GLARE, Effect.ACUITY, Effect.NIGHT_COLOUR])
+def test_what_is_left_out_as_asked_says_what_that_hides(effect: Effect) -> None:
+    frame = scene("night street", 180, 200).frame
+    full = perceive(frame, Looking(pupil_mm=5.0), observer=EYE, planning=Planning(everything=True))
+    bare = perceive(
+        frame, Looking(pupil_mm=5.0), observer=EYE, planning=Planning(everything=True, leave_out=frozenset({effect}))
+    )
+    assert bare.plan[effect].level == SKIPPED
+    assert 0 < differs(bare, full) <= bare.plan.bound_code_values + ROUNDING
+    assert bare.plan[effect].bound_code_values == bare.plan.bound_code_values
+
+
+def test_a_display_in_hdr_plans_in_its_own_codes() -> None:
+    frame = scene("bright room", 180, 200).frame
+    hdr = Display(peak_cd_m2=1000.0, encoding=Encoding.HDR10)
+    planned, full = planned_and_full(frame, Looking(pupil_mm=3.0), display=hdr)
+    assert planned.image.dtype == np.uint16
+    off = np.abs(planned.image.astype(int) - full.image.astype(int)).max()
+    assert off <= planned.plan.bound_code_values + 1
