@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import dataclasses
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -22,7 +24,7 @@ def shown(range_: Range, adapted_cd_m2: float, target_cd_m2: float, settings: To
         scale = numbers[0]
         low, high = _filmic(range_.low[:3] * scale), _filmic(range_.high[:3] * scale)
     else:
-        low, high = range_within(*_mapped(range_, settings, numbers), settings.hue)
+        low, high = range_within(*_mapped(range_, _gains(range_, settings, numbers)), settings.hue)
     return Range(_with_luminance(low), _with_luminance(high), range_.tile_px)
 
 
@@ -39,8 +41,25 @@ def passed_on(
         step *= filmic.steepest(low, high)
         return _with_luminance(np.minimum(step, 1, out=step))
     range_ = range_.widened(change)
-    step = _mapped_change(change, range_, settings, numbers)
-    return _with_luminance(change_within(step, *_mapped(range_, settings, numbers), settings.hue))
+    gains = _gains(range_, settings, numbers)
+    step = _mapped_change(change, range_, gains, settings, numbers)
+    return _with_luminance(change_within(step, *_mapped(range_, gains), settings.hue))
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Gains:
+    """What a tile's components are multiplied by between the scene and what brings them within the display's."""
+
+    least: Tiles
+    most: Tiles
+    slope: Tiles
+    """At most so much changes the gain for a change of luminance."""
+    y_low: Tiles
+    """Least luminance of the tile."""
+    whole: NDArray[np.bool_]
+    """Where no component may lie below 0, to be clipped: luminance changes as it did before."""
+    offset: float = 0.0
+    """What is added after."""
 
 
 def _each_component(settings: Tone) -> bool:
@@ -60,54 +79,49 @@ def _filmic(x: Tiles) -> Tiles:
     return np.minimum(top, 1, out=top)
 
 
-def _mapped(range_: Range, settings: Tone, numbers: tuple[float, ...]) -> tuple[Tiles, Tiles]:
-    """Least and largest components between the operator and what brings them within the display's."""
-    if settings.operator is Operator.WARD:
-        gain, offset = numbers
-        return range_.low[:3] * gain + offset, range_.high[:3] * gain + offset
-    y_low, y_high = _luminances(range_)
-    least, most, _ = _gains(range_, y_low, y_high, settings, numbers)
-    return range_.low[:3] * least, range_.high[:3] * most
-
-
-def _mapped_change(change: Change, range_: Range, settings: Tone, numbers: tuple[float, ...]) -> Tiles:
-    """How much components change between the two: |c'·g' − c·g| ≤ |c' − c|·g' + c·|g' − g|."""
-    if settings.operator is Operator.WARD:
-        return change[:3] * numbers[0]
-    y_low, y_high = _luminances(range_)
-    least, most, slope = _gains(range_, y_low, y_high, settings, numbers)
-    y_change = np.tensordot(WEIGHTS, change[:3], 1)
-    # Where a component may be clipped at 0, luminance changes otherwise than it did before.
-    y_change = np.where(range_.low[:3].min(0) > 0, np.minimum(y_change, change[3]), y_change)
-    turned = range_.high[:3] * (slope * y_change)
-    if settings.operator is Operator.DURAND:
-        _, rods = numbers
-        share = rods * durand.SEMISATURATION_CD_M2 / (durand.SEMISATURATION_CD_M2 + y_low)
-        turned += share * durand.ratio_change(change[:3])
-    return change[:3] * most + np.minimum(turned, range_.high[:3] * (most - least))
-
-
-def _gains(
-    range_: Range, y_low: Tiles, y_high: Tiles, settings: Tone, numbers: tuple[float, ...]
-) -> tuple[Tiles, Tiles, Tiles]:
-    """The least and the largest L_d/L of a tile, and its largest slope over luminance."""
-    match settings.operator:
-        case Operator.REINHARD:
-            return *reinhard.gains(y_low, y_high, *numbers), reinhard.steepest(y_low, *numbers)
-        case Operator.DURAND:
-            return durand.gains(range_, y_low, y_high, *numbers)
-        case Operator.CURVE:
-            return own_curve.gains(own_curve.read_curve(settings.curve), y_low, y_high, *numbers)
-        case _:
-            return *filmic.gains(y_low, y_high, *numbers), filmic.gain_slope(y_low, y_high, *numbers)
-
-
-def _luminances(range_: Range) -> tuple[Tiles, Tiles]:
-    """Least and largest luminance of a tile once components below 0 are clipped: that can only raise it."""
+def _gains(range_: Range, settings: Tone, numbers: tuple[float, ...]) -> Gains:
     low, high = np.tensordot(WEIGHTS, range_.low[:3], 1), np.tensordot(WEIGHTS, range_.high[:3], 1)
-    # A range's 0 may stand for less than 0.
-    whole = range_.low[:3].min(0) > 0
-    return np.maximum(low, range_.low[3]), np.where(whole, np.minimum(high, range_.high[3]), high)
+    # A range's 0 may stand for less than 0. Clipping that can only raise luminance.
+    whole = np.minimum(np.minimum(range_.low[0], range_.low[1]), range_.low[2]) > 0
+    np.maximum(low, range_.low[3], out=low)
+    np.minimum(high, range_.high[3], out=high, where=whole)
+    match settings.operator:
+        case Operator.WARD:
+            gain, offset = np.full_like(low, numbers[0]), numbers[1]
+            return Gains(gain, gain, np.zeros_like(low), low, whole, offset)
+        case Operator.ACES:
+            bounds = *filmic.gains(low, high, *numbers), filmic.gain_slope(low, high, *numbers)
+        case Operator.REINHARD:
+            bounds = *reinhard.gains(low, high, *numbers), reinhard.steepest(low, *numbers)
+        case Operator.DURAND:
+            bounds = durand.gains(range_, low, high, *numbers)
+        case Operator.CURVE:
+            bounds = own_curve.gains(own_curve.read_curve(settings.curve), low, high, *numbers)
+    return Gains(*bounds, low, whole)
+
+
+def _mapped(range_: Range, gains: Gains) -> tuple[Tiles, Tiles]:
+    """Least and largest components between the operator and what brings them within the display's."""
+    low, high = range_.low[:3] * gains.least, range_.high[:3] * gains.most
+    low += gains.offset
+    high += gains.offset
+    return low, high
+
+
+def _mapped_change(change: Change, range_: Range, gains: Gains, settings: Tone, numbers: tuple[float, ...]) -> Tiles:
+    """How much components change between the two: |c'·g' − c·g| ≤ |c' − c|·g' + c·|g' − g|."""
+    step = change[:3] * gains.most
+    if settings.operator is Operator.WARD:
+        return step
+    y_change = np.tensordot(WEIGHTS, change[:3], 1)
+    np.minimum(y_change, change[3], out=y_change, where=gains.whole)
+    y_change *= gains.slope
+    turned = range_.high[:3] * y_change
+    if settings.operator is Operator.DURAND:
+        share = numbers[1] * durand.SEMISATURATION_CD_M2 / (durand.SEMISATURATION_CD_M2 + gains.y_low)
+        turned += share * durand.ratio_change(change[:3])
+    step += np.minimum(turned, range_.high[:3] * (gains.most - gains.least), out=turned)
+    return step
 
 
 def _with_luminance(rgb: Tiles) -> Tiles:

@@ -32,8 +32,9 @@ def curve(x: Values) -> Values:
 def display_scale(peak_cd_m2: float | Array) -> Float[Array, ""]:
     """What exposed values are multiplied by for a display of this peak.
 
-    Above the reference, such that middle grey keeps its luminance and what is brighter has the room up to the peak;
-    contrast rises, so what is darker becomes darker. Below it 1: the whole picture is as much darker as the peak is.
+    Above the reference, such that middle grey keeps its luminance and what is brighter has the room up to the peak.
+    Contrast rises around it; the foot of the curve is straight, so what is nearly black becomes lighter. Below it 1:
+    the whole picture is as much darker as the peak is.
     """
     y = jnp.minimum(curve(jnp.asarray(MIDDLE_GREY)), 1) * jnp.minimum(REFERENCE_PEAK_CD_M2 / peak_cd_m2, 1)
     # The curve solved for x: (2.51 − 2.43y)·x² + (0.03 − 0.59y)·x − 0.14y = 0.
@@ -97,20 +98,22 @@ def gains(
     """The least and the largest gain between two luminances: it rises to a crest and falls from there."""
     low, high = low * scale, high * scale
     ends = _gain_at(low), _gain_at(high)
-    return scale * np.minimum(*ends), scale * _gain_at(np.clip(_CREST, low, high))
+    return scale * np.minimum(*ends), scale * _gain_at(np.minimum(np.maximum(low, _CREST), high))
 
 
 def gain_slope(low: NDArray[np.float64], high: NDArray[np.float64], scale: float) -> NDArray[np.float64]:
-    """The largest slope of the gain between two luminances, up or down: at an end or where the slope turns."""
+    """No less than the largest slope of the gain between two luminances, up or down.
+
+    Up it is steepest at the low end, down at _TURN or what lies nearest to it. From FULL on the gain is 1/x, whose
+    slope is 1.034 times that of the curve over x at most.
+    """
     low, high = low * scale, high * scale
-    beyond = np.where(high > FULL, 1 / np.maximum(low, FULL) ** 2, 0)
-    low, high = np.minimum(low, FULL), np.minimum(high, FULL)
-    below = [np.abs(_per_x_slope(at)) for at in (low, high, np.clip(_TURN, low, high))]
-    return np.asarray(scale * scale * np.maximum(beyond, np.maximum.reduce(below)))
+    fall = _per_x_slope(np.minimum(np.maximum(low, _TURN), high))
+    return np.asarray(1.035 * scale * scale * np.maximum(np.abs(fall), _per_x_slope(low)))
 
 
 def _gain_at(x: NDArray[np.float64]) -> NDArray[np.float64]:
-    return np.where(x < FULL, _per_x(np.minimum(x, FULL)), 1 / np.maximum(x, FULL))
+    return np.minimum(_per_x(np.minimum(x, FLAT)), 1 / np.maximum(x, 1e-30))
 
 
 def _per_x_slope(x: NDArray[np.float64]) -> NDArray[np.float64]:
