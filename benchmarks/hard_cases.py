@@ -11,13 +11,15 @@ import numpy as np
 
 from benchmarks import pfstools
 from benchmarks.pfstools import Image
-from pipeline import Frame, FrameError, Looking, Observer, perceive
+from pipeline import Effects, Frame, FrameError, Looking, Observer, perceive
+from pipeline.effects.adaptation import Adaptation
 
 SIZE = (64, 64)
 FPS = 24
 PATTANAIK, REINHARD = pfstools.OPERATORS
 IN_TIME = f"{PATTANAIK} -t --fps {FPS}", f"{REINHARD} --temporal-coherent"
 OBSERVER = Observer(particles=50, gratings=20)
+AS_SHIPPED, ROBUST = Effects(), Effects(adaptation=Adaptation(robust=True))
 
 Way = Callable[[Sequence[Image]], list[Image]]
 
@@ -36,14 +38,19 @@ def with_pixel(rgb: Image, value: float) -> Image:
     return changed
 
 
-def here(frames: Sequence[Image]) -> list[Image]:
+def here(frames: Sequence[Image], effects: Effects = AS_SHIPPED) -> list[Image]:
     """What the display shows, linear, as the operators' results are; none from a frame that is refused on."""
     made: list[Image] = []
     state = None
     for rgb in frames:
         try:
             perceived = perceive(
-                Frame.from_rgb(rgb, 60.0), Looking(pupil_mm=4.0), observer=OBSERVER, state=state, dt_s=1 / FPS
+                Frame.from_rgb(rgb, 60.0),
+                Looking(pupil_mm=4.0),
+                observer=OBSERVER,
+                state=state,
+                dt_s=1 / FPS,
+                effects=effects,
             )
         except FrameError:
             return made
@@ -123,7 +130,7 @@ def main() -> None:
     for name, way in ways.items():
         images = way(still)
         print(f"- nothing changes, {name}: {course(images, 0, 6)} … {course(images, 234, 6)}")
-    for name, way in ways.items():
+    for name, way in {"here": here, "here, adaptation robust": lambda frames: here(frames, ROBUST), **ways}.items():
         print(f"- a light of 1e4 blinking at 5 Hz, {name}: {course(way(blink), 36, 12)}")
     for name, way in ways.items():
         images = way([textured(5.0)] * 3 + [textured(5.0)[:33, :41]] * 3)

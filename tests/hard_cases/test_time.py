@@ -5,9 +5,10 @@ import math
 
 import numpy as np
 import pytest
-from hard_frames import SPREAD, UNSPREAD, grey, linear, see, textured
+from hard_frames import EYE, FOV_DEG, SMALL, SPREAD, UNSPREAD, grey, linear, see, textured
 
-from pipeline import Glare, Perceived, RenderState
+from pipeline import Effects, Frame, Glare, Perceived, RenderState, perceive
+from pipeline.effects.adaptation import Adaptation
 
 FPS = 24
 DARK, BRIGHT = 0.01, 1000.0
@@ -120,6 +121,22 @@ def test_a_light_blinking_at_5_hz_swings_the_eye_as_far_as_the_formula_says_and_
     assert (last.max(), last.min()) == pytest.approx((high, low), rel=1e-3)
     assert trace.max() <= on
     np.testing.assert_allclose(trace[-12:], trace[-24:-12], rtol=1e-3)
+
+
+def test_a_robust_eye_hardly_swings_with_a_light_blinking_at_5_hz() -> None:
+    """The frame around a small light keeps its exposure: within 6 %, where LUI's mean swings by half and more."""
+    swings = []
+    for robust in (False, True):
+        effects = Effects(glare=UNSPREAD, adaptation=Adaptation(robust=robust))
+        state, trace = None, []
+        for rgb in blinking(2e3, 1.2, 60):
+            dt_s = 0.0 if state is None else 1 / 60
+            state = perceive(
+                Frame.from_rgb(rgb, FOV_DEG), EYE, observer=SMALL, state=state, dt_s=dt_s, effects=effects
+            ).state
+            trace.append(state.adapted_cd_m2[0])
+        swings.append(max(trace[-24:]) / min(trace[-24:]))
+    assert swings[1] < 1.06 < 1.4 < swings[0]
 
 
 def test_a_blinking_light_leaves_no_ghost() -> None:
