@@ -44,7 +44,7 @@ def write(folder: Path, rows: Sequence[Row], wholes: Sequence[Whole], device: st
         of_effect = [row for row in rows if row.effect == effect]
         plots.effect_front(folder / f"cost-{effect.replace('_', '-')}.png", effect, of_effect)
     plots.whole_fronts(folder / WHOLE_PLOT, wholes, sizes[0])
-    text = "\n".join([advice(wholes, device), _tables(rows)])
+    text = "\n".join([advice(wholes, device), tables(rows)])
     (folder / TEXT).write_text(text, encoding="utf-8")
     return text
 
@@ -125,7 +125,7 @@ def _size(size: Size) -> str:
     return f"{size[0]}×{size[1]}"
 
 
-def _tables(rows: Sequence[Row]) -> str:
+def tables(rows: Sequence[Row]) -> str:
     """A table of each effect: every setting, the worst of its scenes, the median of their times."""
     lines = ["## Every effect and setting", "", "Errors are those of the worst scene, times the median over scenes."]
     for effect in dict.fromkeys(row.effect for row in rows):

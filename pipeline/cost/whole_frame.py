@@ -8,6 +8,7 @@ error is that of its own image against float64: the glare reference, the true ac
 from __future__ import annotations
 
 import dataclasses
+import functools
 import itertools
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
@@ -76,7 +77,7 @@ def parts(stage: Stage) -> dict[str, Callable[[], Any]]:
         "acuity fit": lambda: acuity.dark_acuity(rgb),
         "night_colour lui": lambda: night_colour.shift(shown, [adapted], NightColour()),
         **{
-            f"glare {level}": lambda level=level: stage.glare(Glare(level=GlareLevel(level)))
+            f"glare {level}": functools.partial(stage.glare, Glare(level=GlareLevel(level)))
             for level in GLARES
             if level != SKIPPED
         },

@@ -32,6 +32,7 @@ class TestErrors:
         image = np.random.default_rng(0).uniform(0, 50, (3, 9, 7))
         found = errors.errors_of(image, image, 0.01, DISPLAY)
         assert (found.relative_l2, found.worst_cd_m2, found.delta_e_mean, found.delta_e_p95) == (0, 0, 0, 0)
+        assert found.share_changed == 0
 
     def test_one_wrong_pixel_is_found_with_its_sign_and_place(self) -> None:
         truth = grey(2.0)
@@ -74,6 +75,14 @@ class TestErrors:
         assert few.delta_e_p95 == 0
         assert more.delta_e_p95 > 1
         assert 0 < few.delta_e_mean < more.delta_e_mean
+
+    def test_changed_pixels_are_those_with_another_code_value(self) -> None:
+        """Exposed to the middle of the scale, a hundredth of a code value is no other one, two code values are."""
+        truth = np.full((3, 10, 10), 10.0)
+        image = truth.copy()
+        image[:, 0] *= 1 + 1e-7
+        image[2, 1, :3] *= 1.05
+        assert errors.errors_of(image, truth, 0.02, DISPLAY).share_changed == pytest.approx(0.03)
 
 
 class TestTimes:

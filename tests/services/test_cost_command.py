@@ -28,7 +28,7 @@ CORNER = SunCorner(np.array([1.5, 2.5]), np.array([10.0, 2.0]), {"plain": np.arr
 
 
 def row(group: str, label: str, scene: str, error: float, milliseconds: float, *, fresh: bool = True) -> Row:
-    errors = Errors(error, -2 * error, 3, 4, error / 2, error)
+    errors = Errors(error, -2 * error, 3, 4, error / 2, error, error / 3)
     return Row(
         group, label, label, scene, fresh, False, errors, Times(9 * milliseconds, milliseconds * np.arange(1.0, 4.0))
     )

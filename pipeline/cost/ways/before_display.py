@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import functools
+from collections.abc import Callable
+
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
@@ -11,7 +14,8 @@ from pipeline.cost.plain.glare import prepare
 from pipeline.cost.ways.stage import Reals, Stage
 from pipeline.cost.ways.way import SKIPPED, Way, Ways
 from pipeline.effects import acuity, adaptation, rod_noise
-from pipeline.effects.acuity import Acuity, AcuityMethod, reference_acuity
+from pipeline.effects.acuity import Acuity, AcuityMethod
+from pipeline.effects.acuity.reference import reference_acuity
 from pipeline.effects.adaptation import Adaptation, Target
 from pipeline.effects.glare import Glare, GlareLevel, GlareModel
 from pipeline.effects.glare.reference import of_mixture, reference_glare
@@ -36,20 +40,19 @@ def adaptation_ways(stage: Stage) -> Ways:
         # For the same display: brighter by as much as the exposure is larger than that of the scene's own target.
         return stage.resolved * (plain_adaptation.exposure(adapted_cd_m2) / stage.exposure)
 
+    def true(target: Target) -> Reals:
+        return exposed(true_cd_m2[target]())
+
     def way(name: str, settings: Adaptation) -> Way:
-        return Way(
-            name,
-            lambda: adaptation.target_cd_m2(stage.scene.measured, 0.0, 0.0, settings),
-            settings.target.value,
-            exposed,
-        )
+        target = functools.partial(adaptation.target_cd_m2, stage.scene.measured, 0.0, 0.0, settings)
+        return Way(name, target, settings.target.value, exposed)
 
     return Ways(
         [
             *(way(target.value, Adaptation(target=target)) for target in Target),
             way("lui, robust", Adaptation(robust=True)),
         ],
-        {target.value: lambda of=target: exposed(true_cd_m2[of]()) for target in Target},
+        {target.value: functools.partial(true, target) for target in Target},
     )
 
 
@@ -59,24 +62,26 @@ def glare_ways(stage: Stage) -> Ways:
     view = stage.scene.frame.view
     wave = GlareModel.WAVE.value
     levels = [
-        Way(level.value, lambda level=level: stage.glare(Glare(level=level)), wave, _image)
+        Way(level.value, functools.partial(stage.glare, Glare(level=level)), wave, _image)
         for level in (GlareLevel.VEIL, GlareLevel.SOURCES, GlareLevel.WINDOW, GlareLevel.FRAME)
     ]
     models = [
         Way(
             f"{model.value}, frame",
-            lambda model=model: stage.glare(Glare(model=model, level=GlareLevel.FRAME)),
+            functools.partial(stage.glare, Glare(model=model, level=GlareLevel.FRAME)),
             model.value,
             _image,
         )
         for model in GlareModel
         if model is not GlareModel.WAVE
     ]
-    truths = {wave: lambda: reference_glare(rgb, view, *of_mixture(stage.kernel()))}
-    truths |= {
-        model.value: lambda model=model: prepare(view, stage.kernel(model))(rgb)
-        for model in GlareModel
-        if model is not GlareModel.WAVE
+
+    def plainly(model: GlareModel) -> Reals:
+        return prepare(view, stage.kernel(model))(rgb)
+
+    truths: dict[str, Callable[[], Reals]] = {
+        wave: lambda: reference_glare(rgb, view, *of_mixture(stage.kernel())),
+        **{model.value: functools.partial(plainly, model) for model in GlareModel if model is not GlareModel.WAVE},
     }
     return Ways([Way(SKIPPED, None, wave, lambda _: rgb), *levels, *models], truths, timed_truth=(wave,))
 
@@ -89,21 +94,24 @@ def acuity_ways(stage: Stage) -> Ways:
     settings = {method.value: Acuity(method=method) for method in AcuityMethod}
     settings |= {"krawczyk, no display limit": Acuity(method=AcuityMethod.KRAWCZYK, display_limit=False)}
 
+    def true(of: Acuity) -> Reals:
+        return np.asarray(reference_acuity(exact[None], ppd, of)[0])
+
     def in_tiles() -> Array:
         range_ = stage.measured_glared.range_cd_m2
         dark = acuity.dark_tiles(range_, ppd, Acuity())
-        return acuity.reduce_acuity(rgb, ppd, Acuity(), dark, range_.tile_px)[0]
+        return acuity.reduce_acuity(rgb, ppd, Acuity(), dark, range_.tile_px)
 
     return Ways(
         [
             Way(SKIPPED, None, AcuityMethod.FIT.value, lambda _: exact),
-            Way("fit, dark tiles", in_tiles, AcuityMethod.FIT.value, _image),
+            Way("fit, dark tiles", in_tiles, AcuityMethod.FIT.value, _eye),
             *(
-                Way(name, lambda of=of: acuity.reduce_acuity(rgb, ppd, of)[0], name, _image)
+                Way(name, functools.partial(acuity.reduce_acuity, rgb, ppd, of), name, _eye)
                 for name, of in settings.items()
             ),
         ],
-        {name: lambda of=of: reference_acuity(exact[None], ppd, of)[0] for name, of in settings.items()},
+        {name: functools.partial(true, of) for name, of in settings.items()},
         timed_truth=tuple(settings),
     )
 
@@ -114,14 +122,19 @@ def rod_noise_ways(stage: Stage) -> Ways:
     ppd, pupil_mm = stage.scene.frame.view.ppd_centre, [stage.pose.pupil_mm]
 
     def noisy() -> Array:
-        return rod_noise.add_noise(rgb, NOISE_S, pupil_mm, ppd, RodNoise(on=True))[0]
+        return rod_noise.add_noise(rgb, NOISE_S, pupil_mm, ppd, RodNoise(on=True))
 
     exact = stage.resolved.astype(np.float64)
     return Ways(
-        [Way(SKIPPED, None, "on", lambda _: exact), Way("on", noisy, "on", _image)],
-        {"on": lambda: np.asarray(noisy(), np.float64)},
+        [Way(SKIPPED, None, "on", lambda _: exact), Way("on", noisy, "on", _eye)],
+        {"on": lambda: _eye(noisy())},
     )
 
 
-def _image(result: object) -> Reals:
+def _image(result: Array) -> Reals:
     return np.asarray(result, np.float64)
+
+
+def _eye(result: Array) -> Reals:
+    """Of the one eye."""
+    return _image(result[0])

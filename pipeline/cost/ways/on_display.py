@@ -35,6 +35,7 @@ STARED_S, ASIDE_DEG = 10.0, 8.0
 """How long the eye has looked straight ahead, and how far to the right it then looks. Engineering choice: long enough
 to bleach, far enough for the afterimage to lie on other things than its cause."""
 CELLS_DEG, FINEST_CELL_DEG = (3.0, 1.5, Afterimage().cell_deg), 0.2
+DEFAULT_CELLS = f"{Afterimage().cell_deg:g}° cells"
 
 
 def tone_ways(stage: Stage) -> Ways:
@@ -57,14 +58,14 @@ def tone_ways(stage: Stage) -> Ways:
         for hue in Hue
     }
     truths: dict[str, Callable[[], Reals]] = {
-        _name(operator, hue): lambda operator=operator, hue=hue: hues[hue](plainly[operator]())
+        _name(operator, hue): functools.partial(_after, plainly[operator], hues[hue])
         for operator in Operator
         for hue in Hue
     }
     truths[_name(Operator.ACES, Hue.CLIP)] = lambda: plain_tone.aces(exact, stage.exposure, stage.display.peak_cd_m2)
     return Ways(
         [
-            Way(name, lambda of=of: tone.show(rgb, [adapted], [adapted], of, stage.display)[0], name, _image)
+            Way(name, functools.partial(tone.show, rgb, [adapted], [adapted], of, stage.display), name, _image)
             for name, of in settings.items()
         ],
         truths,
@@ -93,7 +94,7 @@ def night_colour_ways(stage: Stage) -> Ways:
         [
             Way(SKIPPED, None, lui, lambda _: exact),
             *(
-                Way(name, lambda of=of: night_colour.shift(shown, [adapted], of, scene)[0], name, _image)
+                Way(name, functools.partial(night_colour.shift, shown, [adapted], of, scene), name, _image)
                 for name, of in settings.items()
             ),
         ],
@@ -128,17 +129,17 @@ def afterimage_ways(stage: Stage) -> Ways:
             dt_s=STARED_S,
             exposure=stage.exposure,
         )
-        return afterimage.show(shown, [retina], view, [view.pixel_of(ASIDE_DEG, 0.0)])[0]
+        return afterimage.show(shown, [retina], view, [view.pixel_of(ASIDE_DEG, 0.0)])
 
     return Ways(
         [
             Way(SKIPPED, None, finest, lambda _: exact),
             *(
-                Way(f"{cell_deg:g}° cells", lambda cell_deg=cell_deg: seen(cell_deg), finest, _image)
+                Way(f"{cell_deg:g}° cells", functools.partial(seen, cell_deg), finest, _image)
                 for cell_deg in (*CELLS_DEG, FINEST_CELL_DEG)
             ),
         ],
-        {finest: lambda: np.asarray(seen(FINEST_CELL_DEG), np.float64)},
+        {finest: lambda: _image(seen(FINEST_CELL_DEG))},
         unit_cd_m2=stage.display.peak_cd_m2,
     )
 
@@ -151,7 +152,7 @@ def encode_ways(stage: Stage) -> Ways:
         [
             Way(
                 encoding.value,
-                lambda of=encoding: encode.encode(linear, msgspec.structs.replace(stage.display, encoding=of))[0],
+                functools.partial(encode.encode, linear, msgspec.structs.replace(stage.display, encoding=encoding)),
                 "light",
                 functools.partial(_decoded, encoding=encoding, peak_cd_m2=stage.display.peak_cd_m2),
             )
@@ -164,7 +165,7 @@ def encode_ways(stage: Stage) -> Ways:
 
 def _decoded(codes: NDArray[np.generic], *, encoding: Encoding, peak_cd_m2: float) -> Reals:
     """What a display makes of code values, as a share of its peak: linear Rec.709."""
-    values = np.asarray(codes, np.float64)
+    values = np.asarray(codes[0], np.float64)
     match encoding:
         case Encoding.LINEAR:
             return values.transpose(2, 0, 1)
@@ -193,5 +194,10 @@ def _curve_file() -> str:
     return str(path)
 
 
-def _image(result: object) -> Reals:
-    return np.asarray(result, np.float64)
+def _after(mapped: Callable[[], Reals], within: Callable[[Reals], Reals]) -> Reals:
+    return within(mapped())
+
+
+def _image(result: Array) -> Reals:
+    """Of the one eye."""
+    return np.asarray(result[0], np.float64)

@@ -13,7 +13,7 @@ SMALL = View(72, 80)
 
 def luminance(name: str, view: View = SMALL) -> np.ndarray:
     rgb = np.asarray(scenes.SCENES[name](view).rgb_cd_m2[0], np.float64)
-    return np.einsum("c,cyx->yx", np.array(LUMINANCE_WEIGHTS), rgb)
+    return np.asarray(np.einsum("c,cyx->yx", np.array(LUMINANCE_WEIGHTS), rgb))
 
 
 @pytest.mark.parametrize("name", scenes.SCENES)
