@@ -71,10 +71,10 @@ def luminances(
     for limit, name, side in VISION:
         if low < limit < high:
             bar.ax.axhline(limit, color="white", lw=1.5)
-            bar.ax.text(-0.15, limit, name, transform=at_bar, size=8, rotation=90, ha="right", va=side, color=FAINT)
+            bar.ax.text(-0.85, limit, name, transform=at_bar, size=8, rotation=90, ha="right", va=side, color=FAINT)
     for adapted in adapted_cd_m2:
         if low <= adapted <= high:
-            bar.ax.plot(-0.75, adapted, marker=">", ms=9, color=INK, transform=at_bar, clip_on=False)
+            bar.ax.plot(-0.3, adapted, marker=">", ms=9, color=INK, transform=at_bar, clip_on=False)
 
 
 def difference(figure: SubFigure, axes: Axes, code_values: Float[np.ndarray, "y x"], title: str) -> None:

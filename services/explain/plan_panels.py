@@ -31,6 +31,8 @@ COLUMNS = (("effect", 0.0), ("level", 0.1), ("bound", 0.21), ("changes", 0.27), 
 """Heads of the table and where they stand, as shares of its width; figures end there, words begin there."""
 WHY_LETTERS = 135
 """In a line of reasons."""
+CHANGE_LETTERS = 155
+"""In a line of a session's changes, which is smaller."""
 
 
 def table_lines(entries: Sequence[Entry]) -> int:
@@ -126,4 +128,6 @@ def changes(axes: Axes, spans: Sequence[Span], colours: Mapping[str, str]) -> No
         axes.text(
             0.05, line, f"{span.effect.replace('_', ' ')} → {span.level}", size=9, va="top", color=colours[span.effect]
         )
-        axes.text(0.21, line, textwrap.shorten(span.reason, WHY_LETTERS, placeholder=" …"), size=9, va="top", color=INK)
+        axes.text(
+            0.21, line, textwrap.shorten(span.reason, CHANGE_LETTERS, placeholder=" …"), size=9, va="top", color=INK
+        )
