@@ -3,7 +3,7 @@
 Where each pixel takes its own σ, its result is that of a frame blurred evenly by this σ, read at this pixel. So the
 frame is blurred evenly by a ladder of σ, σ² doubling, and each pixel is interpolated between the two that its own σ²
 lies between, in the logarithm of σ². That is the true two-dimensional filter but for the interpolation. A kernel's
-radius stays at 6 px whatever σ: beyond σ = 2 px the frame is halved before each octave. The frame's edge is a mirror,
+radius stays at 6 px whatever σ: from σ = 2 px on the frame is halved for each octave. The frame's edge is a mirror,
 which evenly blurred and halved frames keep.
 """
 
@@ -11,7 +11,6 @@ from __future__ import annotations
 
 import functools
 import math
-from collections.abc import Iterator
 
 import jax
 import jax.numpy as jnp
@@ -25,9 +24,11 @@ from pipeline.measure import luminance
 
 FIRST_PX2 = 0.25
 """σ² of the first rung. Engineering choice: σ = 0.5 px takes a fifth from a pixel; below it blur grows as σ² does."""
-HALVED_FROM_PX2 = 4.0
-"""σ² from which the frame is halved, and at four times as much again. Engineering choice: halving and coming back
-blurs by 1 px² itself, and leaves an even kernel enough to do to hide the grid."""
+FULL_SIZE_RUNGS = 4
+"""σ² of 0.25, 0.5, 1 and 2 px² are made of the frame itself; from 4 px² on the frame is halved every second rung."""
+HALVED_STEP_PX2, STEP_PX2 = 0.5, 1.0
+"""In px² of a halved frame, from two rungs below after halving and from the rung below without: from 1 to 4 px² it is
+¼ for the halving, whose pairs lie ½ px to each side, 4·HALVED_STEP_PX2, and ¾ for enlarging linearly."""
 
 
 def krawczyk_acuity(
@@ -39,22 +40,32 @@ def krawczyk_acuity(
     rungs = math.ceil(float(highest))
     if rungs == 0:
         return rgb
-    blurred, current, halved = _take(jnp.zeros_like(sharp), sharp, place, 0), sharp, 0
-    for rung, (halvings, step_px2) in enumerate(_ladder(rungs), start=1):
-        if halvings > halved:
-            current, halved = _halve(current), halvings
-        current = _even(current, step_px2)
-        blurred = _take(blurred, _enlarged(current, halvings, sharp.shape), place, rung)
+    blurred, levels = _take(jnp.zeros_like(sharp), sharp, place, 0), [sharp]
+    for rung in range(1, rungs + 1):
+        if rung <= FULL_SIZE_RUNGS:
+            level = _even(sharp, _variance_px2(rung))
+        elif rung % 2:
+            level = _even(_halve(levels[-2]), HALVED_STEP_PX2)
+        else:
+            level = _even(levels[-1], STEP_PX2)
+        levels = [levels[-1], level]
+        blurred = _take(blurred, _enlarged(level, _halvings(rung), sharp.shape), place, rung)
     return add_grey(rgb, _change(blurred, sharp, place))
 
 
 def reach_px(variance_px2: float) -> int:
     """How far away light may lie that reaches a pixel blurred by up to this σ²."""
-    reach = 0
-    for halvings, step_px2 in _ladder(math.ceil(place_of(variance_px2))):
-        # A pixel of a halved frame is as wide as several, and enlarging goes to the next but one of each size.
-        reach += (_radius(step_px2) + 2 * (halvings > 0)) * 2**halvings
-    return reach
+    reaches = [0]
+    for rung in range(1, math.ceil(place_of(variance_px2)) + 1):
+        size = 2 ** _halvings(rung)
+        if rung <= FULL_SIZE_RUNGS:
+            reaches.append(_radius(_variance_px2(rung)))
+        elif rung % 2:
+            reaches.append(reaches[-2] + size * (1 + _radius(HALVED_STEP_PX2)))
+        else:
+            reaches.append(reaches[-1] + size * _radius(STEP_PX2))
+    # Enlarging goes to the next pixel of each size but the last.
+    return max(reaches) + 2 * (2 ** _halvings(len(reaches) - 1) - 1)
 
 
 def place_of(variance_px2: float) -> float:
@@ -63,18 +74,12 @@ def place_of(variance_px2: float) -> float:
     return rungs if rungs < 1 else 1 + math.log2(rungs)
 
 
-def _ladder(rungs: int) -> Iterator[tuple[int, float]]:
-    """For each rung, how often its frame is halved, and by which σ² in px² of that size the rung below is blurred."""
-    variance, halvings = 0.0, 0
-    for rung in range(rungs):
-        wanted = FIRST_PX2 * 2.0**rung
-        if wanted >= HALVED_FROM_PX2 * 4**halvings:
-            # What the pixels of a pair lie apart by.
-            variance, halvings = variance + 4**halvings / 4, halvings + 1
-        # To be enlarged again blurs, too.
-        step = (wanted - (4**halvings - 1) / 4 - variance) / 4**halvings
-        variance += step * 4**halvings
-        yield halvings, step
+def _variance_px2(rung: int) -> float:
+    return FIRST_PX2 * 2.0 ** (rung - 1)
+
+
+def _halvings(rung: int) -> int:
+    return max(rung - FULL_SIZE_RUNGS + 1, 0) // 2
 
 
 @jax.jit
@@ -126,7 +131,10 @@ def _along(padded: Float[Array, "eye y x"], variance: float, axis: int) -> Float
     def tap(offset: int) -> Float[Array, "eye y x"]:
         return jax.lax.slice_in_dim(padded, radius + offset, radius + offset + size, axis=axis)
 
-    return sum((weights[k] * (tap(-k) + tap(k)) for k in range(1, radius + 1)), weights[0] * tap(0))
+    result = weights[0] * tap(0)
+    for k in range(1, radius + 1):
+        result = result + weights[k] * (tap(-k) + tap(k))
+    return result
 
 
 def _weights(variance: float) -> list[np.float32]:
@@ -169,8 +177,9 @@ def _repeated(values: Float[Array, "eye y x"]) -> Float[Array, "eye 2y+4 2x+4"]:
 @functools.partial(jax.jit, static_argnums=(1, 2))
 def _doubled(repeated: Float[Array, "eye 2y+4 2x+4"], height: int, width: int) -> Float[Array, "eye height width"]:
     """Of pixels repeated: their mean with weights ¼, ½, ¼ in both directions lies linearly between the pixels'."""
-    return sum(
-        np.float32(weight_y * weight_x) * repeated[:, 1 + dy : 1 + dy + height, 1 + dx : 1 + dx + width]
-        for dy, weight_y in enumerate((0.25, 0.5, 0.25))
-        for dx, weight_x in enumerate((0.25, 0.5, 0.25))
-    )
+    result = jnp.zeros((repeated.shape[0], height, width), jnp.float32)
+    for dy, weight_y in enumerate((0.25, 0.5, 0.25)):
+        for dx, weight_x in enumerate((0.25, 0.5, 0.25)):
+            part = repeated[:, 1 + dy : 1 + dy + height, 1 + dx : 1 + dx + width]
+            result = result + np.float32(weight_y * weight_x) * part
+    return result
