@@ -1,12 +1,14 @@
 """Values that the papers give, or that follow from their equations by hand."""
 
 import math
+from collections.abc import Callable
 
 import numpy as np
 import pytest
 
-from pipeline import threshold
-from pipeline.effects import acuity, adaptation, tone
+from pipeline import mesopic, threshold
+from pipeline.effects import acuity, adaptation, night_colour, tone
+from pipeline.effects.acuity import larson
 from pipeline.optics import analytic, pupil, radial
 
 
@@ -84,3 +86,69 @@ def test_aces_is_monotonic_from_black_to_white() -> None:
     assert y[0] == 0
     assert y[-1] == 1
     assert np.all(np.diff(y) >= 0)
+
+
+JOINTS = [
+    (threshold.cone_threshold_cd_m2, 10**-2.6, 1e-3),
+    (threshold.cone_threshold_cd_m2, 10**1.9, 0.01),
+    (threshold.rod_threshold_cd_m2, 10**-3.94, 1e-3),
+    (threshold.rod_threshold_cd_m2, 10**-1.44, 0.03),
+    (threshold.threshold_cd_m2, 0.03, 1e-6),
+    (threshold.threshold_cd_m2, 3.0, 1e-3),
+]
+
+
+@pytest.mark.parametrize(("of", "joint", "rounding"), JOINTS)
+def test_thresholds_meet_at_their_joints(of: Callable[[float], float], joint: float, rounding: float) -> None:
+    """As near as the papers' three digits let them: 3 % where rods leave their curve for Weber's law."""
+    assert of(joint * (1 - 1e-9)) == pytest.approx(of(joint * (1 + 1e-9)), rel=rounding)
+
+
+@pytest.mark.parametrize(("luminance", "tau_s"), [(0.04, 0.25), (0.0, 0.4), (0.36, 0.13), (4e6, 0.1)])
+def test_time_constants_between_rods_and_cones(luminance: float, tau_s: float) -> None:
+    """LUI 5.3–5.4: after τ, 1/e of the way is left."""
+    assert adaptation.adapt_cd_m2(luminance + 1, luminance, tau_s) - luminance == pytest.approx(1 / math.e, rel=1e-6)
+
+
+@pytest.mark.parametrize(("luminance", "rods"), [(0.0, 1.0), (0.01, 0.8), (0.04, 0.5), (0.36, 0.1), (3.96, 0.01)])
+def test_rods_share(luminance: float, rods: float) -> None:
+    assert adaptation.rod_sensitivity(luminance) == pytest.approx(rods, rel=1e-12)
+
+
+@pytest.mark.parametrize("rods", [0.0, 0.5, 1.0])
+def test_lui_tint_of_grey(rods: float) -> None:
+    grey = np.full((1, 3, 1, 1), 0.25, np.float32)
+    tinted = np.asarray(night_colour.night_tint(grey, np.array([rods])))[0, :, 0, 0]
+    assert tinted == pytest.approx(0.25 * (1 - rods + np.array([1.05, 0.97, 1.27]) * rods), rel=1e-6)
+
+
+@pytest.mark.parametrize(("lightness", "sigma_px"), [(0.0, 1.0), (0.25, 0.75), (0.5, 0.5), (1.0, 0.0)])
+def test_the_fast_fit_blurs_by_one_less_lightness(lightness: float, sigma_px: float) -> None:
+    """LUI 5.16, read off a point of light between alike dark pixels, whose own weight is what the blur leaves."""
+    y = lightness * acuity.LIMIT_CD_M2
+    weights = [math.exp(-k * k / (2 * sigma_px**2)) if sigma_px else float(k == 0) for k in range(-3, 4)]
+    spot = 1e-3 * acuity.LIMIT_CD_M2
+    frame = np.full((1, 3, 9, 9), y, np.float32)
+    frame[:, :, :, 4] += np.float32(spot)  # a line: the vertical pass finds nothing to blur
+    change = np.asarray(acuity.dark_acuity(frame), np.float64)[0, 1, 4, 4] - y
+    assert change == pytest.approx(spot * weights[3] / sum(weights), rel=3e-3)
+
+
+@pytest.mark.parametrize("peak_cd_m2", [50.0, 100.0, 400.0, 1000.0])
+def test_the_curves_are_inverted_exactly(peak_cd_m2: float) -> None:
+    """Where the display is full, and where it shows middle grey."""
+    full = tone.ceiling_cd_m2(0.2, peak_cd_m2)
+    frame = np.array([full * (1 - 1e-4), full * (1 + 1e-4)], np.float32)
+    below, above = np.asarray(tone.aces(np.broadcast_to(frame, (1, 3, 1, 2)), np.array([0.2]), peak_cd_m2))[0, 0, 0]
+    assert 0.9999 < below < above == 1
+
+
+def test_larsons_scotopic_luminance_of_d65() -> None:
+    """1.33·(1 + (Y + Z)/X) − 1.68, with X and Z the right way round (E4)."""
+    white = np.array([0.9505, 1.0, 1.089])
+    assert float(mesopic.larson_scotopic(white)) == pytest.approx(2.573, abs=1e-3)
+
+
+@pytest.mark.parametrize(("y", "cpd"), [(1e-3, 3.007), (0.1, 11.75), (1.0, 31.53), (100.0, 47.51)])
+def test_resolved_frequency(y: float, cpd: float) -> None:
+    assert float(larson.resolved_cpd(y)) == pytest.approx(cpd, abs=5e-3)
