@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import functools
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import jax
 import jax.numpy as jnp
@@ -25,6 +25,11 @@ RANGE_TILES = 64
 MAX_SOURCES = 16
 SOURCE_RATIO = 30
 """A source is this much brighter than the frame's mean. Engineering choice."""
+
+
+Fold = Callable[[Array, Array], Array]
+START: dict[Fold, float] = {jnp.minimum: np.inf, jnp.maximum: -np.inf, jnp.add: 0.0}
+"""What folding begins with."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -101,15 +106,15 @@ def _reduce(
     return jnp.concatenate([low, low_y[:, None]], 1), jnp.concatenate([high, high_y[:, None]], 1), total
 
 
-def _by_tile(images: tuple[Array, ...], folds: tuple[jnp.ufunc, ...], tile_px: int) -> tuple[Array, ...]:
+def _by_tile(images: tuple[Array, ...], folds: tuple[Fold, ...], tile_px: int) -> tuple[Array, ...]:
     """Several folds of images of one shape in one pass: rows first, which XLA vectorises, and with no padded copy."""
     for axis in (images[0].ndim - 2, images[0].ndim - 1):
         images = _along(images, folds, tile_px, axis)
     return images
 
 
-def _along(images: tuple[Array, ...], folds: tuple[jnp.ufunc, ...], tile_px: int, axis: int) -> tuple[Array, ...]:
-    starts = tuple(np.float32({jnp.minimum: np.inf, jnp.maximum: -np.inf, jnp.add: 0.0}[fold]) for fold in folds)
+def _along(images: tuple[Array, ...], folds: tuple[Fold, ...], tile_px: int, axis: int) -> tuple[Array, ...]:
+    starts = tuple(np.float32(START[fold]) for fold in folds)
 
     def fold_all(ours: tuple[Array, ...], theirs: tuple[Array, ...]) -> tuple[Array, ...]:
         return tuple(fold(one, other) for fold, one, other in zip(folds, ours, theirs, strict=True))
@@ -132,7 +137,7 @@ def _interpret(
     rows, columns = (
         np.minimum(tile_px, size - tile_px * np.arange(-(-size // tile_px))) for size in (view.height_px, view.width_px)
     )
-    tile_mean = total / (rows[:, None] * columns).astype(np.float32)
+    tile_mean = (total / (rows[:, None] * columns)).astype(np.float32)
     mean = float(total.sum(dtype=np.float64)) / (view.height_px * view.width_px)
     with np.errstate(divide="ignore"):
         log = np.clip(np.log10(tile_mean), HISTOGRAM_LOG10[0], HISTOGRAM_LOG10[-1])

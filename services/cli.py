@@ -12,6 +12,7 @@ from services.commands.calibrate import calibrate
 from services.commands.capture import capture
 from services.commands.cost import cost
 from services.commands.detect import detect
+from services.commands.explain import explain
 from services.commands.keys import keys
 from services.commands.psf import psf
 from services.commands.render import render
@@ -36,6 +37,7 @@ for command, example in (
     (bridge, "bridge --source my_recording/ --states tcp://127.0.0.1:5555 --events tcp://127.0.0.1:5556"),
     (worker, "worker --states tcp://127.0.0.1:5555 --events tcp://127.0.0.1:5556 --out seen"),
     (render, "render street.hdr --mean-luminance 0.5 --pupil-mm 6 --gaze 5,-2 -o seen.png"),
+    (explain, "explain street.hdr --mean-luminance 0.5 --pupil-mm 6 -o explain.png"),
     (psf, "psf --pupil-mm 6 --age 60 --sheets --out my_eye"),
     (simulate, "simulate --seconds 30 --seed 3 --out simulated_recording"),
     (detect, "detect my_recording/ --out events.csv"),

@@ -77,11 +77,28 @@ SettingsFile = Annotated[
     Path | None,
     typer.Option(
         "--settings",
-        help=r"TOML file with \[observer], \[display] and \[glare]; [b]entoptic psf --save-observer[/b] writes one.",
+        help=r"TOML file with \[observer], \[display], \[plan] and a table for each effect; [b]entoptic psf "
+        "--save-observer[/b] writes one.",
     ),
 ]
 SaveOption = Annotated[
     list[Save], typer.Option("--save", help="How perceived frames are kept; may be given more than once.")
+]
+BudgetMs = Annotated[
+    float | None,
+    typer.Option(
+        min=0.1, max=1e6, help="Time that a frame may take: the plan of least error that fits; overrides the settings."
+    ),
+]
+Everything = Annotated[
+    bool, typer.Option("--everything", help="Every effect in full, whether a frame calls for it or not.")
+]
+Without = Annotated[
+    list[str],
+    typer.Option(
+        metavar="EFFECT",
+        help="Leave an effect out: glare, acuity, rod_noise, night_colour, afterimage. May be given more than once.",
+    ),
 ]
 BridgeKeysFolder = Annotated[
     Path | None,

@@ -10,8 +10,10 @@ from rich.markup import escape
 from rich.table import Table
 
 from pipeline import FrameError, Light, Looking, Perceived, RenderState, perceive
+from pipeline.budget import load as load_costs
 from pipeline.scenes import Head, open_scene
-from pipeline.sinks.images import write_png
+from pipeline.sinks.images import still_path, write_still
+from services.process import cache_folder
 from services.settings import Settings
 from tracker_bridge.wire import Eye
 
@@ -29,8 +31,8 @@ def run(
     console: Console,
 ) -> None:
     """Perceives the image, writes the PNG and prints the plan. Raises FrameError."""
-    if output.suffix.lower() != ".png":
-        raise FrameError(f"output {output}: perceived images are written as PNG; name it {output.with_suffix('.png')}")
+    if output != (named := still_path(output, settings.display)):
+        raise FrameError(f"output {output}: for this display images are written as {named.suffix}; name it {named}")
     if not output.parent.is_dir():
         raise FrameError(f"output {output}: there is no folder {output.parent}; make it first")
     scene = open_scene(str(image), mean_luminance_cd_m2=mean_luminance_cd_m2)
@@ -46,15 +48,19 @@ def run(
         state=None if adapted_cd_m2 is None else RenderState((adapted_cd_m2,)),
         effects=settings,
         planning=settings.plan,
+        costs=load_costs(cache_folder()),
     )
-    write_png(output, perceived.image[0])
+    write_still(output, perceived.image[0], settings.display)
     console.print(_plan_table(perceived))
     console.print(f"pupil {perceived.pupil_mm[0]:.2f} mm, wrote [b]{escape(str(output))}[/b]", soft_wrap=True)
 
 
 def _plan_table(perceived: Perceived) -> Table:
-    table = Table("effect", "level", "why", "ms")
+    table = Table("effect", "level", "why", "hides at most", "ms")
     for step in perceived.plan:
         milliseconds = perceived.milliseconds.get(step.effect)
-        table.add_row(step.effect.value, step.level, step.reason, "" if milliseconds is None else f"{milliseconds:.0f}")
+        hides = f"{step.bound_code_values:.2g}" if step.bound_code_values else ""
+        table.add_row(
+            step.effect.value, step.level, step.reason, hides, "" if milliseconds is None else f"{milliseconds:.0f}"
+        )
     return table

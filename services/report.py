@@ -33,8 +33,22 @@ NOT_TRACKING = {
 }
 PART_COLOURS = dict(
     zip(
-        ("scene", "measure", *(effect.value for effect in Effect), "encode"),
-        ("#bdbdbd", "#969696", "#66c2a5", "#fc8d62", "#8da0cb", "#a6d854", "#e78ac3", "#737373"),
+        ("scene", "measure", "plan", *(effect.value for effect in Effect), "encode"),
+        (
+            *(
+                "#bdbdbd",
+                "#969696",
+                "#d9d9d9",
+                "#66c2a5",
+                "#fc8d62",
+                "#8da0cb",
+                "#ffd92f",
+                "#a6d854",
+                "#e78ac3",
+                "#e5c494",
+            ),
+            "#737373",
+        ),
         strict=True,
     )
 )

@@ -14,9 +14,10 @@ from types import TracebackType
 import msgspec
 import numpy as np
 
-from pipeline import Display, Frame, Looking, Perceived, View, as_displayed
+from pipeline import Display, Encoding, Frame, Looking, Perceived, View, as_displayed
+from pipeline.effects.encode import encode
 from pipeline.plan import Effect
-from pipeline.sinks.images import write_exr, write_png
+from pipeline.sinks.images import still_path, write_exr, write_png, write_still
 from pipeline.sinks.video import Video
 from services.options import Save
 from tracker_bridge.wire import Eye, EyeState
@@ -78,7 +79,7 @@ def plan_columns(eyes: Sequence[Eye]) -> list[str]:
         columns += [f"{name}_{quantity}_cd_m2" for quantity in ("adapted", "mean", "max")]
     for effect in Effect:
         columns += [f"{effect.value}_{quantity}" for quantity in ("level", "reason", "ms")]
-    return [*columns, "scene_ms", "measure_ms", "kernel_ms", "encode_ms", "total_ms"]
+    return [*columns, "bound_code_values", "scene_ms", "measure_ms", "kernel_ms", "plan_ms", "encode_ms", "total_ms"]
 
 
 class Results:
@@ -127,11 +128,14 @@ class Results:
         if Save.VIDEO in self._save:
             if self._video is None:
                 height, width = image.shape[:2]
-                self._video = self._files.enter_context(Video(self._folder / "perceived.mp4", width, height, self._fps))
+                self._video = self._files.enter_context(
+                    Video(self._folder / "perceived.mp4", width, height, self._fps, self._display)
+                )
             self._video.write(image)
         if Save.PNG in self._save:
             _folder(self._folder / "frames")
-            write_png(self._folder / "frames" / f"{name}.png", image)
+            still = still_path(self._folder / "frames" / name, self._display)
+            write_still(still, image, self._display)
         if Save.EXR in self._save:
             _folder(self._folder / "frames")
             linear = side_by_side(np.asarray(rendered.perceived.linear).transpose(0, 2, 3, 1))
@@ -146,9 +150,13 @@ class Results:
 
     def _keep_pair(self, rendered: Rendered, name: str) -> None:
         _folder(self._folder / "key_frames")
-        displayed = side_by_side(as_displayed(rendered.frame, self._display))
-        write_png(self._folder / "key_frames" / f"{name}_displayed.png", displayed)
-        write_png(self._folder / "key_frames" / f"{name}_perceived.png", side_by_side(rendered.perceived.image))
+        # For a web page, whatever the display.
+        page = msgspec.structs.replace(self._display, encoding=Encoding.SRGB)
+        displayed, perceived = as_displayed(rendered.frame, page), encode(rendered.perceived.linear, page)
+        write_png(self._folder / "key_frames" / f"{name}_displayed.png", side_by_side(displayed))
+        write_png(self._folder / "key_frames" / f"{name}_perceived.png", side_by_side(perceived))
+        scene = side_by_side(np.asarray(rendered.frame.rgb_cd_m2).transpose(0, 2, 3, 1))
+        write_exr(self._folder / "key_frames" / f"{name}_scene.exr", scene)
         self._key_frames.append({"frame": rendered.frame_number, "t_s": rendered.t_s})
         (self._folder / "key_frames" / "key_frames.json").write_text(json.dumps(self._key_frames), encoding="utf-8")
 
@@ -168,8 +176,8 @@ class Results:
         for step in perceived.plan:
             row += [step.level, step.reason, f"{milliseconds.get(step.effect, 0.0):.2f}"]
         total = rendered.scene_ms + sum(milliseconds.values())
-        others = (rendered.scene_ms, milliseconds["measure"], milliseconds["kernel"], milliseconds["encode"], total)
-        return row + [f"{value:.2f}" for value in others]
+        others = (rendered.scene_ms, *(milliseconds[part] for part in ("measure", "kernel", "plan", "encode")), total)
+        return [*row, f"{perceived.plan.bound_code_values:.3g}", *(f"{value:.2f}" for value in others)]
 
     def summary(self, heard: Heard, warm_up_s: float) -> WorkerSummary:
         """All of it in figures."""

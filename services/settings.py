@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 
 import msgspec
 
 from pipeline import Display, Effects, Observer, Planning
+from pipeline.plan import LEAVABLE
 
 
 class SettingsError(Exception):
@@ -34,3 +36,17 @@ def load(path: Path | None) -> Settings:
             f"[{field.name}] {', '.join(field.type.__struct_fields__)}" for field in msgspec.structs.fields(Settings)
         )
         raise SettingsError(f"settings file {path}: {error}. It may hold {known}") from None
+
+
+def planned(settings: Settings, budget_ms: float | None, everything: bool, without: Sequence[str]) -> Settings:
+    """The settings with what the command line says of planning. Raises SettingsError for an effect that is none."""
+    given = {
+        **({} if budget_ms is None else {"budget_ms": budget_ms}),
+        **({"everything": True} if everything else {}),
+        **({"leave_out": list(without)} if without else {}),
+    }
+    try:
+        plan = msgspec.convert({**msgspec.to_builtins(settings.plan), **given}, Planning)
+    except msgspec.ValidationError as error:
+        raise SettingsError(f"--without: {error}; there are {', '.join(LEAVABLE)}") from None
+    return msgspec.structs.replace(settings, plan=plan)

@@ -9,8 +9,10 @@ from pathlib import Path
 
 import numpy as np
 import structlog
+from msgspec.structs import replace
 
-from pipeline import Frame, Looking, Perceived, RenderState, View, perceive
+from pipeline import Frame, GlareLevel, Looking, Perceived, Planning, RenderState, View, perceive
+from pipeline.budget import SHIPPED, CostModel, corrected
 from pipeline.optics.living import Kick
 from pipeline.scenes import Head, Scene
 from pipeline.scenes.head_path import HeadPath
@@ -67,8 +69,13 @@ def run(
     perception: Settings,
     stop: Stop,
     log: structlog.typing.FilteringBoundLogger,
+    costs: CostModel = SHIPPED,
 ) -> WorkerSummary:
-    """Renders the stream to its end, `seconds` of it, or until asked to stop; its results lie in `out`."""
+    """Renders the stream to its end, `seconds` of it, or until asked to stop; its results lie in `out`.
+
+    `costs` matter where frames have a budget. Live, they are corrected by what each frame takes; else the same session
+    gives the same frames on every machine, so they are the shipped ones.
+    """
     log.info("preparing", scene=scene.name)
     warm_up_s = _warm_up(scene, settings, perception)
     log.info("prepared", seconds=round(warm_up_s, 2))
@@ -96,8 +103,10 @@ def run(
             frame.rgb_cd_m2.block_until_ready()
             scene_ms = (time.perf_counter() - begun) * 1e3
             looking = tuple(looking_of(moment.state, eye, moment.kicks) for eye in settings.eyes)
-            perceived = _perceive(frame, looking, perception, memory, dt_s)
+            perceived = _perceive(frame, looking, perception, memory, dt_s, costs)
             memory = perceived.state
+            if settings.live:
+                costs = corrected(costs, perceived.timings)
             results.add(Rendered(moment.frame, moment.t_s, moment.state, looking, frame, perceived, scene_ms))
             results.dropped = moment.dropped
             log.info("progress", frame=moment.frame + 1, frames=frames, dropped=moment.dropped)
@@ -134,7 +143,12 @@ def kicks_of(saccades: Iterable[SaccadeOffset], t_ns: int) -> tuple[Kick, ...]:
 
 
 def _perceive(
-    frame: Frame, looking: tuple[Looking, ...], perception: Settings, memory: RenderState | None, dt_s: float
+    frame: Frame,
+    looking: tuple[Looking, ...],
+    perception: Settings,
+    memory: RenderState | None,
+    dt_s: float,
+    costs: CostModel = SHIPPED,
 ) -> Perceived:
     return perceive(
         frame,
@@ -145,22 +159,26 @@ def _perceive(
         dt_s=dt_s,
         effects=perception,
         planning=perception.plan,
+        costs=costs,
     )
 
 
 def _warm_up(scene: Scene, settings: WorkerSettings, perception: Settings) -> float:
     """Compiles the scene and every effect before the clock runs; returns the seconds it took.
 
-    A black frame with one lamp calls for all effects at once; one too bright for float32 compiles another way of glare,
-    and a pupil between two computed ones makes a kernel of two.
+    A lamp too bright for float32 compiles another way of glare, a pupil between two computed ones makes a kernel of
+    two, and a budget may choose other levels.
     """
     begun = time.perf_counter()
     scene.frame(0.0, settings.view, Head(), settings.eyes).rgb_cd_m2.block_until_ready()
     lamp = np.zeros((len(settings.eyes), 3, settings.view.height_px, settings.view.width_px), np.float32)
-    for lamp_cd_m2 in (5e3, 1e6):
+    full = replace(perception, plan=Planning(everything=True, leave_out=perception.plan.leave_out))
+    short = () if perception.plan.budget_ms is None else (GlareLevel.VEIL, GlareLevel.SOURCES)
+    lesser = [(5e3, replace(full, glare=replace(full.glare, level=level))) for level in short]
+    for lamp_cd_m2, asked in ((5e3, full), (1e6, full), *lesser):
         lamp[:, :, settings.view.height_px // 2, settings.view.width_px // 2] = lamp_cd_m2
         frame = Frame.from_rgb(lamp, settings.view.fov_deg)
-        _perceive(frame, (Looking(pupil_mm=4.1),) * len(settings.eyes), perception, None, 0.0)
+        _perceive(frame, (Looking(pupil_mm=4.1),) * len(settings.eyes), asked, None, 0.0)
     return time.perf_counter() - begun
 
 

@@ -9,10 +9,11 @@ reasons.py   why, in words
 
 from pipeline.plan.chain import Eye
 from pipeline.plan.make import Planned, Scenery, make_plan
-from pipeline.plan.settings import Planning
+from pipeline.plan.settings import LEAVABLE, Planning
 from pipeline.plan.steps import OFF, SKIPPED, Effect, Plan, Step
 
 __all__ = [
+    "LEAVABLE",
     "OFF",
     "SKIPPED",
     "Effect",

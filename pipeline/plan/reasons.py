@@ -107,7 +107,7 @@ def _lights(measured: Measurement) -> str:
 
 
 def _number(value: float) -> str:
-    return f"{value:.2g}" if value < 1e4 else f"{value:.0e}"
+    return f"{value:.0f}" if 10 <= value < 1e4 else f"{value:.2g}"
 
 
 def _list(values: Sequence[float]) -> str:

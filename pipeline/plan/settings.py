@@ -8,6 +8,9 @@ import msgspec
 
 from pipeline.plan.steps import Effect
 
+LEAVABLE = (Effect.GLARE, Effect.ACUITY, Effect.ROD_NOISE, Effect.NIGHT_COLOUR, Effect.AFTERIMAGE)
+"""The effects that a picture can do without."""
+
 
 class Planning(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """What decides between accuracy and time."""
@@ -21,3 +24,7 @@ class Planning(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     value rounds to the same code value, give or take one."""
     budget_ms: Annotated[float, msgspec.Meta(gt=0.0, le=1e6)] | None = None
     """Time that a frame may take: of all plans that fit, the one of least predicted error. None: what it takes."""
+
+    def __post_init__(self) -> None:
+        if needed := self.leave_out - set(LEAVABLE):
+            raise ValueError(f"{', '.join(sorted(needed))} cannot be left out: no picture does without")

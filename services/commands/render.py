@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import msgspec
 import typer
 
-from services.options import Fov, Height, MeanLuminance, SettingsFile, Width
+from services.options import BudgetMs, Everything, Fov, Height, MeanLuminance, SettingsFile, Width, Without
 from services.process import prepare_jax
 from services.terminal import console
 
@@ -39,6 +39,9 @@ def render(
     width: Width = None,
     height: Height = None,
     settings: SettingsFile = None,
+    budget_ms: BudgetMs = None,
+    everything: Everything = False,
+    without: Without = [],  # noqa: B006 - typer copies it
     glare: Annotated[
         str | None, typer.Option(help="Point-spread function: wave, spe, cie or ijspeert; overrides the settings file.")
     ] = None,
@@ -62,9 +65,9 @@ def render(
     prepare_jax()
     from pipeline import Glare, Looking
     from services import render as renders
-    from services.settings import load
+    from services.settings import load, planned
 
-    loaded = load(settings)
+    loaded = planned(load(settings), budget_ms, everything, without)
     replace = msgspec.structs.replace
     observer = loaded.observer if age is None else replace(loaded.observer, age_years=age)
     display = loaded.display if display_peak is None else replace(loaded.display, peak_cd_m2=display_peak)

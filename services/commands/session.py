@@ -14,6 +14,8 @@ from rich.markup import escape
 
 from services.eye_data import SIMULATED_SECONDS, open_eyes
 from services.options import (
+    BudgetMs,
+    Everything,
     Eyes,
     Fov,
     Fps,
@@ -32,6 +34,7 @@ from services.options import (
     TableMap,
     WhichEyes,
     Width,
+    Without,
 )
 from services.process import Stop, prepare_jax
 from services.terminal import console
@@ -53,6 +56,9 @@ def session(
     live: Live = False,
     head: Head = "look-around",
     settings: SettingsFile = None,
+    budget_ms: BudgetMs = None,
+    everything: Everything = False,
+    without: Without = [],  # noqa: B006
     save: SaveOption = [Save.VIDEO],  # noqa: B006 - typer copies it
 ) -> None:
     """Render what a person would have perceived: eye data and a scene in, a video and a report out."""
@@ -63,7 +69,7 @@ def session(
     prepare_jax()
     from pipeline.scenes import open_scene
     from pipeline.scenes.head_path import open_head_path
-    from services.settings import load
+    from services.settings import load, planned
     from tracker_bridge.sources import SIMULATED
 
     if recording == SIMULATED and seconds is None:
@@ -72,7 +78,7 @@ def session(
     opened_scene = open_scene(scene, mean_luminance_cd_m2=mean_luminance)
     view = opened_scene.view_for(width, height, fov)
     open_head_path(head)
-    load(settings)
+    perception = planned(load(settings), budget_ms, everything, without)
     source = open_eyes(recording, table_map, seconds, seed, None)
     if source.info.live and not live:
         raise sessions.SessionError(f"{source.info.name} measures at its own pace: add --live, or name a recording")
@@ -90,6 +96,12 @@ def session(
         worker_arguments = ["--scene", scene, "--fps", str(fps), "--width", str(view.width_px)]
         worker_arguments += ["--height", str(view.height_px), "--fov", str(fov), "--eyes", eyes.value]
         worker_arguments += ["--head", head, "--out", str(folder), "--live" if live else "--offline"]
+        if budget_ms is not None:
+            worker_arguments += ["--budget-ms", str(budget_ms)]
+        if everything:
+            worker_arguments.append("--everything")
+        for effect in without:
+            worker_arguments += ["--without", effect]
         for form in save:
             worker_arguments += ["--save", form.value]
         if table_map is not None:
@@ -116,6 +128,7 @@ def session(
             "eyes": eyes.value,
             "mode": "live" if live else "offline",
             "seed": seed,
+            "settings": perception,
             "interrupted": outcome.interrupted,
             "bridge": outcome.bridge,
             "worker": outcome.worker,

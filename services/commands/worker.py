@@ -9,8 +9,10 @@ import msgspec
 import typer
 
 from services.options import (
+    BudgetMs,
     Child,
     ClientKeysFolder,
+    Everything,
     Eyes,
     Fov,
     Fps,
@@ -25,8 +27,9 @@ from services.options import (
     SettingsFile,
     WhichEyes,
     Width,
+    Without,
 )
-from services.process import prepare_jax, process
+from services.process import cache_folder, prepare_jax, process
 
 
 def worker(
@@ -44,6 +47,9 @@ def worker(
     live: Live = False,
     head: Head = "look-around",
     settings: SettingsFile = None,
+    budget_ms: BudgetMs = None,
+    everything: Everything = False,
+    without: Without = [],  # noqa: B006
     save: SaveOption = [Save.VIDEO],  # noqa: B006
     keys: ClientKeysFolder = None,
     child: Child = False,
@@ -51,15 +57,17 @@ def worker(
     """Render what a bridge publishes."""
     with process(child) as (stop, log):
         prepare_jax()
+        from pipeline.budget import SHIPPED
+        from pipeline.budget import load as load_costs
         from pipeline.scenes import open_scene
         from pipeline.scenes.head_path import open_head_path
         from services import keys as key_files
         from services import worker as workers
         from services.reader import StateReader
-        from services.settings import load
+        from services.settings import load, planned
         from tracker_bridge.wire import Eye
 
-        perception = load(settings)
+        perception = planned(load(settings), budget_ms, everything, without)
         opened = open_scene(scene, mean_luminance_cd_m2=mean_luminance)
         path = open_head_path(head)
         view = opened.view_for(width, height, fov)
@@ -69,7 +77,8 @@ def worker(
         reader = StateReader(states, events, newest_only=live, keys=client)
         try:
             job = workers.WorkerSettings(view, fps, chosen, live, seconds, out, frozenset(save))
-            summary = workers.run(reader, opened, path, job, perception, stop, log)
+            costs = load_costs(cache_folder()) if live else SHIPPED
+            summary = workers.run(reader, opened, path, job, perception, stop, log, costs)
         finally:
             reader.close()
         log.info("ended", **msgspec.to_builtins(summary))

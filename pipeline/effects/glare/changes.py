@@ -136,7 +136,7 @@ def _in_window(
         nearest.append(np.maximum(np.maximum(begin, -end), 0))
     away_px = np.hypot(nearest[0][:, None], nearest[1])
     most = falloff(np.maximum(away_px - math.sqrt(2) * radius_px, 0) / reach_px)
-    moment_px = sum(weight * component.moment_px for component, weight in kernel)
+    moment_px = np.sum([weight * component.moment_px for component, weight in kernel], axis=0)
     sloping = STEEPEST / reach_px * np.einsum("oi,iyx->oyx", moment_px, high)
     return np.asarray(most * change + np.where(most > 0, sloping, 0))
 
@@ -146,5 +146,5 @@ def _rings(kernel: Mixture, tile_px: int) -> list[tuple[int, NDArray[np.float64]
     radius_px = kernel[0][0].scatters.shape[2] // 2
     reaches = [2**k for k in range(max(1, math.ceil(math.log2(max(radius_px / tile_px, 1))) + 1))]
     edges = tuple(tiles * tile_px for tiles in reaches)
-    masses = sum(weight * component.rings(edges) for component, weight in kernel)
+    masses = np.sum([weight * component.rings(edges) for component, weight in kernel], axis=0)
     return [(tiles, masses[k]) for k, tiles in enumerate(reaches)]
