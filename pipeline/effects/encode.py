@@ -4,8 +4,9 @@ A code is looked up, not computed: an encoding is a staircase, and a float32's u
 at most one step. So a table with an entry a cell says the code at the cell's start and where in it the next one begins,
 for any transfer function at the price of one look-up: less than half of what a logarithm and an exponential cost.
 
-**sRGB, Display P3** hold shares of the display's range, black removed: code 0 is the display's black. **HDR10** holds
-absolute cd/m²: what lies below the display's black it cannot show, but the code says what is meant. **Linear** is the
+**sRGB, Display P3** hold shares of the display's range, black and reflected light removed: code 0 is the display's
+black. **HDR10** holds the absolute cd/m² that the display is to send out, without what it reflects: what lies below its
+black it cannot show, but the code says what is meant. **Linear** is the
 light itself as a share of the peak, for whoever encodes it later. Colours are clipped in the encoding's own primaries:
 what lies outside Rec.709 and inside the display's gamut is kept.
 """
@@ -21,6 +22,7 @@ import numpy as np
 from jaxtyping import Array, Float, UInt8, UInt16
 from numpy.typing import NDArray
 
+from pipeline.display_light import black_share, reflected_cd_m2, seen_peak_cd_m2
 from pipeline.frame import Display, Encoding
 
 Primaries = tuple[tuple[float, float], tuple[float, float], tuple[float, float]]
@@ -59,25 +61,26 @@ class Codes:
 def encode(
     linear: Float[Array, "eye 3 y x"], display: Display
 ) -> UInt8[np.ndarray, "eye y x 3"] | Float[np.ndarray, "eye y x 3"] | UInt16[np.ndarray, "eye y x 3"]:
-    """What a display is sent to show `linear`: Rec.709, 1 = the display's peak; what is below 0 or NaN shows black.
+    """What a display is sent to show `linear`: Rec.709, 1 = the display's peak and the light it reflects.
+
+    What is below 0 or NaN shows black.
 
     uint8 for sRGB and Display P3; uint16 of 0 to 1023 for HDR10; float32 of 0 to 1 for linear.
     """
-    black_share = display.black_cd_m2 / display.peak_cd_m2
     if display.encoding == Encoding.LINEAR:
         return np.asarray(_shares(linear))
     if display.encoding == Encoding.HDR10:
-        scale = np.float32(display.peak_cd_m2 / PQ_PEAK_CD_M2)
-        return np.asarray(_look_up(linear, 0.0, scale, _between(REC2020), *_table(Encoding.HDR10), depth=jnp.uint16))
+        reflected = reflected_cd_m2(display) / seen_peak_cd_m2(display)
+        scale = display.peak_cd_m2 / PQ_PEAK_CD_M2
+        return np.asarray(_codes(linear, reflected, scale, _between(REC2020), Encoding.HDR10))
     if display.encoding == Encoding.DISPLAY_P3:
-        table = _table(Encoding.DISPLAY_P3)
-        return np.asarray(_look_up(linear, black_share, np.float32(1), _between(P3), *table, depth=jnp.uint8))
-    return np.asarray(srgb_codes(linear, black_share))
+        return np.asarray(_codes(linear, black_share(display), 1.0, _between(P3), Encoding.DISPLAY_P3))
+    return np.asarray(srgb_codes(linear, black_share(display)))
 
 
 def srgb_codes(linear: Float[Array, "eye 3 y x"], black_share: float) -> UInt8[Array, "eye y x 3"]:
     """Code values for a display with the sRGB transfer function whose black is `black_share` of its peak."""
-    return _look_up(linear, black_share, np.float32(1), None, *_table(Encoding.SRGB), depth=jnp.uint8)
+    return _codes(linear, black_share, 1.0, None, Encoding.SRGB)
 
 
 def matrix(source: Primaries, target: Primaries) -> NDArray[np.float64]:
@@ -115,18 +118,29 @@ def staircase(steps: NDArray[np.float32]) -> Codes:
     return Codes(((code << 16) + 0x10000 - step).astype(np.int32), first)
 
 
+def _codes(
+    linear: Float[Array, "eye 3 y x"],
+    black_share: float,
+    scale: float,
+    primaries: tuple[tuple[float, ...], ...] | None,
+    encoding: Encoding,
+) -> Array:
+    depth = jnp.uint16 if encoding == Encoding.HDR10 else jnp.uint8
+    # Narrowed here: a float64 would be narrowed anew for each pixel.
+    return _look_up(linear, np.float32(black_share), np.float32(scale), primaries, *_table(encoding), depth=depth)
+
+
 @functools.partial(jax.jit, static_argnames=("primaries", "first", "depth"))
 def _look_up(
     linear: Float[Array, "eye 3 y x"],
-    black_share: float | Array,
-    scale: Array | np.float32,
+    black: Float[Array, ""] | np.float32,
+    scale: Float[Array, ""] | np.float32,
     primaries: tuple[tuple[float, ...], ...] | None,
     entries: Array,
     first: int,
     depth: type[jnp.uint8] | type[jnp.uint16],
 ) -> Array:
     lowest = np.int32(first << 16).view(np.float32)
-    black = jnp.float32(black_share)
 
     def codes(light: Array) -> Array:
         shown = (light - black) / (1 - black) * scale

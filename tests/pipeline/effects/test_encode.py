@@ -133,6 +133,15 @@ def test_the_displays_black_is_code_0_and_its_peak_the_last() -> None:
     np.testing.assert_array_equal(*absolute)
 
 
+def test_what_the_display_reflects_is_not_sent_to_it() -> None:
+    """In a surround of 1000 cd/m² a screen returns 10: on 100 cd/m² of its own, 1 is 110, and 55 of them need 45."""
+    display = Display(peak_cd_m2=100, surround_cd_m2=1000, encoding=Encoding.HDR10)
+    code = encode(greys(np.array([10 / 110, 0.5, 1.0])), display)[0, 0, :, 0]
+    np.testing.assert_array_equal(code, np.round(1023 * colour.models.eotf_inverse_ST2084(np.array([0, 45, 100]))))
+    eight_bits = encode(greys(np.array([10 / 110, 1.0])), Display(peak_cd_m2=100, surround_cd_m2=1000))
+    np.testing.assert_array_equal(eight_bits[0, 0, :, 0], [0, 255])
+
+
 @pytest.mark.parametrize("encoding", list(Encoding))
 def test_a_bad_pixel_is_black_and_alone(encoding: Encoding) -> None:
     linear = np.full((2, 3, 4, 5), 0.5, np.float32)
