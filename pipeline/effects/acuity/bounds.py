@@ -45,14 +45,19 @@ def skipped(range_: Range, pixels_per_deg: float, settings: Acuity) -> Change:
     dark = dark_tiles(range_, pixels_per_deg, settings)
     if not dark.any():
         return np.zeros_like(range_.low)
+    grey = _grey(range_, _near(range_, pixels_per_deg, settings), pixels_per_deg, settings)
+    return np.broadcast_to(np.where(dark, grey, 0), range_.low.shape)
+
+
+def _grey(range_: Range, near: Range, pixels_per_deg: float, settings: Acuity) -> Reals:
+    """The most that a dark pixel's luminance changes by."""
     low, high = range_.low[3], np.minimum(range_.high[3], limit_cd_m2(pixels_per_deg, settings) * (1 + ROUNDING))
-    near = _near(range_, pixels_per_deg, settings)
     given = _given_away(range_, near, pixels_per_deg, settings)
     darkest, brightest = lightness(low), lightness(high)
     # A pixel keeps its own share, and gets no more than the rest of the brightest in reach, or of the darkest.
     brighter = luminance_of(darkest + given * (lightness(near.high[0]) - darkest)) - low
     darker = high - luminance_of(brightest - given * (brightest - lightness(near.low[0])))
-    return np.broadcast_to(np.where(dark, np.maximum(brighter, darker), 0), range_.low.shape)
+    return np.maximum(brighter, darker)
 
 
 def passed_on(change: Change, range_: Range, pixels_per_deg: float, settings: Acuity) -> Change:
@@ -70,7 +75,7 @@ def passed_on(change: Change, range_: Range, pixels_per_deg: float, settings: Ac
     blurred = np.minimum(blurred, most - least)
     luminance = change[3] + luminance_of(most) - luminance_of(most - blurred)
     # Both frames' own blur is no more than a skip would take from them.
-    grey = np.minimum(luminance, 2 * skipped(wide, pixels_per_deg, settings)[3])
+    grey = np.minimum(luminance, 2 * _grey(wide, near, pixels_per_deg, settings))
     # A channel held at 0 makes the luminance follow the channels.
     before = change.copy()
     before[3] = np.maximum(change[3], np.tensordot(np.asarray(LUMINANCE_WEIGHTS), change[:3], 1))

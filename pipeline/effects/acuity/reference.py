@@ -68,4 +68,5 @@ def lightness(y_cd_m2: Reals) -> Reals:
 
 def luminance_of(lightness_: Reals) -> Reals:
     """The luminance in cd/m² of an L*."""
-    return WHITE_CD_M2 * np.where(lightness_ > LINEAR_END, ((lightness_ + 16) / 116) ** 3, lightness_ / KAPPA)
+    root = (lightness_ + 16) / 116
+    return WHITE_CD_M2 * np.where(lightness_ > LINEAR_END, root * root * root, lightness_ / KAPPA)
