@@ -1,8 +1,14 @@
 """Accuracy against time: what is left out by each setting, and what it costs. Every number comes from running the code.
 
-errors.py      how far an image is from the truth, in cd/m² and as a display shows it
-timing.py      calls that take turns, each timed
-scenes.py      the frames that settings are compared on
-glare.py       glare's settings, their truth, and the comparison
-sun_corner.py  how far from the sun rounding outshines the dark
+errors.py       how far an image is from the truth, in its own unit and as a display shows it
+timing.py       calls that take turns, each timed
+scenes.py       the frames that settings are compared on (landscape.py, rooms.py)
+plain/          the effects said plainly in float64: the truth of what only computes
+ways/           every way to run every effect, beside its truth
+whole_frame.py  combinations of them, and which to take at a rate
+everything.py   all of that, over all scenes
+calibration.py  what each level takes on this machine, for planning within a budget
+comparison.py   settings of glare beside its truth; what none beats
+glare.py        glare's settings, their truth, and the comparison
+sun_corner.py   how far from the sun rounding outshines the dark
 """

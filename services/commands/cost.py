@@ -30,7 +30,7 @@ def every_effect(
     out: Out = Path("cost"),
     quick: Quick = False,
     rounds: Annotated[
-        int | None, typer.Option(min=1, max=1000, help="Runs of each setting after the first; 5, or 1 with --quick.")
+        int | None, typer.Option(min=1, max=1000, help="Runs after the first; 5 (7 to calibrate), or 1 with --quick.")
     ] = None,
     calibrate: Annotated[
         bool,
@@ -45,7 +45,7 @@ def every_effect(
         return
     prepare_jax()
     if calibrate:
-        _calibrate(quick)
+        _calibrate(quick, rounds)
         return
     from pipeline.budget import device_name
     from pipeline.cost import everything as measured
@@ -61,12 +61,12 @@ def every_effect(
     console.print(f"results: [b]{escape(str(out.resolve()))}[/b]", soft_wrap=True)
 
 
-def _calibrate(quick: bool) -> None:
+def _calibrate(quick: bool, asked: int | None) -> None:
     from pipeline.budget import save
     from pipeline.cost import calibration
 
     sizes = calibration.SIZES[-1:] if quick else calibration.SIZES
-    rounds = 1 if quick else calibration.ROUNDS
+    rounds = asked or (1 if quick else calibration.ROUNDS)
     with _progress(calibration.steps(sizes, rounds)) as done:
         model = calibration.run(sizes, rounds, lambda: done("calibrating"))
     path = save(model, cache_folder())

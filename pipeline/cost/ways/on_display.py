@@ -185,13 +185,18 @@ def _name(operator: Operator, hue: Hue) -> str:
     return operator.value if hue is Hue.CLIP else f"{operator.value}, hue {hue.value}"
 
 
-@functools.cache
 def _curve_file() -> str:
-    folder = Path(tempfile.mkdtemp(prefix="entoptic-"))
-    path = folder / "curve.csv"
-    rows = "".join(f"{log},{share}\n" for log, share in zip(*CURVE, strict=True))
-    path.write_text(f"log10_of_adapted,share\n{rows}", encoding="utf-8")
+    path = Path(_folder().name) / "curve.csv"
+    if not path.exists():
+        rows = "".join(f"{log},{share}\n" for log, share in zip(*CURVE, strict=True))
+        path.write_text(f"log10_of_adapted,share\n{rows}", encoding="utf-8")
     return str(path)
+
+
+@functools.cache
+def _folder() -> tempfile.TemporaryDirectory[str]:
+    """Gone when the program ends."""
+    return tempfile.TemporaryDirectory(prefix="entoptic-")
 
 
 def _after(mapped: Callable[[], Reals], within: Callable[[Reals], Reals]) -> Reals:

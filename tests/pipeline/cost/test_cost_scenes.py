@@ -18,13 +18,11 @@ def luminance(name: str, view: View = SMALL) -> np.ndarray:
 
 @pytest.mark.parametrize("name", scenes.SCENES)
 def test_every_scene_is_a_clean_frame_at_any_size(name: str) -> None:
-    for width, height in ((72, 80), (31, 17)):
-        scene = scenes.scene(name, width, height)
-        rgb = np.asarray(scene.frame.rgb_cd_m2)
-        assert rgb.shape == (1, 3, height, width)
-        assert rgb.dtype == np.float32
-        assert np.isfinite(rgb).all()
-        assert rgb.min() >= 0
+    rgb = np.asarray(scenes.scene(name, 31, 17).frame.rgb_cd_m2)
+    assert rgb.shape == (1, 3, 17, 31)
+    assert rgb.dtype == np.float32
+    assert np.isfinite(rgb).all()
+    assert rgb.min() >= 0
 
 
 def test_they_go_from_scotopic_to_photopic_and_to_the_sun() -> None:
