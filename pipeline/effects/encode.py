@@ -154,7 +154,10 @@ def _look_up(
         return codes(linear).transpose(0, 2, 3, 1)
     # Channel by channel, their order changed in a pass of its own: twice as fast as all in one, and a matrix product of
     # three by three takes ten times as long as these nine.
-    channels = [codes(sum(np.float32(share) * linear[:, j] for j, share in enumerate(row))) for row in primaries]
+    channels = [
+        codes(row[0] * linear[:, 0] + row[1] * linear[:, 1] + row[2] * linear[:, 2])
+        for row in np.asarray(primaries, np.float32)
+    ]
     return jax.lax.optimization_barrier(jnp.stack(channels, 1)).transpose(0, 2, 3, 1)
 
 
