@@ -177,6 +177,7 @@ def test_a_hundred_frames_and_more_do_not_drift() -> None:
 
 
 @pytest.mark.slow
+@pytest.mark.timeout(1800)
 def test_ten_thousand_frames_do_not_drift() -> None:
     """pfstmo_pattanaik00 drifts within a dozen frames of a scene in which nothing changes."""
     no_drift(*drift_of(12 * 834))
