@@ -220,7 +220,7 @@ def perceive(
 def as_displayed(frame: Frame, display: Display = Display()) -> np.ndarray:
     """A frame as a renderer without an eye shows it: exposed for middle grey, tone-mapped, encoded for the display."""
     mean_log = np.asarray(_mean_log(frame.rgb_cd_m2))
-    return encode(tone.aces(frame.rgb_cd_m2, DISPLAY_KEY / np.exp(mean_log), display.peak_cd_m2), display)
+    return encode(tone.aces(frame.rgb_cd_m2, DISPLAY_KEY / np.exp(mean_log), tone.seen_peak_cd_m2(display)), display)
 
 
 @jax.jit
@@ -267,9 +267,10 @@ def _remember(
     return tuple(
         afterimage.step(
             retina,
-            frame.rgb_cd_m2[k],
+            frame.rgb_cd_m2,
             frame.view,
             frame.view.pixel_of(eye.azimuth_deg, eye.elevation_deg),
+            image=k,
             pupil_mm=pupils[k],
             openness=eye.openness,
             dt_s=dt_s,

@@ -16,7 +16,7 @@ Reals = NDArray[np.float64]
 
 LOW_M, HIGH_M = np.array([-2.5, -1.2, -1.0]), np.array([2.0, 1.5, 4.0])
 """The box's corners from the eye: x to the right, y up, z ahead."""
-EVEN_CD_M2, CEILING_CD_M2 = 150.0, 165.0
+EVEN_CD_M2, CEILING_CD_M2 = 150.0, 156.0
 """White walls under the 500 lx of an office (EN 12464-1): 500·0.9/π = 143 cd/m²; the ceiling, lit from a cove, a little
 more."""
 EVEN_SHARE, FROM_CEILING = 0.88, 0.24

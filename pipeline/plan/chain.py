@@ -54,8 +54,8 @@ class Stage:
     """Of each level short of full: the most by which it differs from the full effect."""
     passed_on: Callable[[Change, Range, Change], Change]
     """What becomes of a change that came before it; the third is the change before tone mapping."""
-    after: Callable[[Range], Range]
-    """What may stand in a tile after it, whether it ran or not."""
+    after: Callable[[Range, Change], Range]
+    """What may stand in a tile after it, whether it ran or not; the change is what skipping it hides."""
 
 
 class Chain:
@@ -63,51 +63,54 @@ class Chain:
 
     def __init__(self, eye: Eye, effects: Effects, display: Display) -> None:
         self._display = display
-        self._stages: list[tuple[Stage, Range]] = []
+        self._before: dict[Effect, tuple[Stage, Range]] = {}
+        self._alone: dict[tuple[Effect, str], Change] = {}
         range_ = eye.measured.range_cd_m2
         self._unchanged = np.zeros_like(range_.low)
         for stage in _scene_stages(eye, effects):
-            self._stages.append((stage, range_))
-            if stage.effect is Effect.ACUITY:
-                dark_from = range_
-            range_ = stage.after(range_)
+            range_ = self._add(stage, range_)
         for stage in _displayed_stages(eye, effects, display, range_):
-            self._stages.append((stage, range_))
-            range_ = stage.after(range_)
+            range_ = self._add(stage, range_)
         self._shown = range_
-        self.dark = acuity.dark_tiles(dark_from, eye.measured.view.ppd_centre, effects.acuity)
+        self.dark = acuity.dark_tiles(self._before[Effect.ACUITY][1], eye.measured.view.ppd_centre, effects.acuity)
         """Tiles (row, column) that may hold a pixel dark enough for acuity."""
 
+    def _add(self, stage: Stage, range_: Range) -> Range:
+        self._before[stage.effect] = stage, range_
+        return stage.after(range_, self.lesser(stage.effect, SKIPPED) if stage.lesser else self._unchanged)
+
     def lesser(self, effect: Effect, level: str) -> Change:
-        """The most by which this level of an effect differs from it in full, right behind it."""
-        stage, range_ = next(pair for pair in self._stages if pair[0].effect is effect)
-        return stage.lesser[level](range_)
+        """The most by which this level of an effect differs from it in full, right behind it, all before it in full."""
+        if (effect, level) not in self._alone:
+            stage, range_ = self._before[effect]
+            self._alone[effect, level] = stage.lesser[level](range_)
+        return self._alone[effect, level]
 
     def code_values(self, weights: Weights) -> NDArray[np.float64]:
         """By how many code values a pixel of each tile may differ from the full picture, if effects run so weighed."""
         change = scene_change = self._unchanged
-        started = False
-        for stage, range_ in self._stages:
+        for stage, range_ in self._before.values():
             if stage.effect is Effect.TONE:
                 scene_change = change
+            unchanged = change is self._unchanged
             of_stage = weights.get(stage.effect)
             if of_stage is None:
                 # Until something is left out, nothing has changed.
-                if started:
+                if not unchanged:
                     change = stage.passed_on(change, range_, scene_change)
                 continue
-            started = True
-            wide = range_.widened(change)
-            weighed = [
-                weight
-                * (
-                    stage.passed_on(change, range_, scene_change)
-                    if level == FULL
-                    else change + stage.lesser[level](wide)
-                )
-                for level, weight in of_stage.items()
-            ]
-            change = np.sum(weighed, axis=0)
+            weighed = []
+            for level, weight in of_stage.items():
+                if level == FULL:
+                    of_level = change if unchanged else stage.passed_on(change, range_, scene_change)
+                elif unchanged:
+                    of_level = self.lesser(stage.effect, level)
+                else:
+                    of_level = change + stage.lesser[level](range_.widened(change))
+                weighed.append(weight * of_level)
+            change = np.sum(weighed, axis=0) if len(weighed) > 1 else weighed[0]
+            if not change.any():
+                change = self._unchanged
         return tone.code_values(change, self._shown, self._display)
 
 
@@ -130,7 +133,7 @@ def _scene_stages(eye: Eye, effects: Effects) -> list[Stage]:
                 GlareLevel.SOURCES.value: of_sources,
             },
             lambda change, range_, scene: change,
-            lambda range_: changes.after(measured, most, least_stays(eye.kernel)),
+            lambda range_, hidden: changes.after(measured, hidden, least_stays(eye.kernel)),
         )
     ]
     ppd = measured.view.ppd_centre
@@ -139,7 +142,7 @@ def _scene_stages(eye: Eye, effects: Effects) -> list[Stage]:
             Effect.ACUITY,
             {SKIPPED: lambda range_: acuity.skipped(range_, ppd, effects.acuity)},
             lambda change, range_, scene: acuity.passed_on(change, range_, ppd, effects.acuity),
-            lambda range_: range_.widened(acuity.skipped(range_, ppd, effects.acuity)),
+            Range.widened,
         )
     )
     if effects.rod_noise.on:
@@ -148,7 +151,7 @@ def _scene_stages(eye: Eye, effects: Effects) -> list[Stage]:
                 Effect.ROD_NOISE,
                 {SKIPPED: lambda range_: rod_noise.skipped(range_, eye.pupil_mm, effects.rod_noise)},
                 lambda change, range_, scene: rod_noise.passed_on(change, range_, eye.pupil_mm, effects.rod_noise),
-                lambda range_: range_.widened(rod_noise.skipped(range_, eye.pupil_mm, effects.rod_noise)),
+                Range.widened,
             )
         )
     return stages
@@ -163,7 +166,7 @@ def _displayed_stages(eye: Eye, effects: Effects, display: Display, scene: Range
             Effect.TONE,
             {},
             lambda change, range_, scene_change: tone.passed_on(change, range_, *toned),
-            lambda range_: tone.shown(range_, *toned),
+            lambda range_, hidden: tone.shown(range_, *toned),
         ),
         Stage(
             Effect.NIGHT_COLOUR,
@@ -171,7 +174,7 @@ def _displayed_stages(eye: Eye, effects: Effects, display: Display, scene: Range
             lambda change, range_, scene_change: night_colour.passed_on(
                 change, range_, adapted, night, scene, scene_change
             ),
-            lambda range_: range_.widened(night_colour.skipped(range_, adapted, night, scene)),
+            Range.widened,
         ),
     ]
     if eye.retina is not None:
@@ -181,7 +184,7 @@ def _displayed_stages(eye: Eye, effects: Effects, display: Display, scene: Range
                 Effect.AFTERIMAGE,
                 {SKIPPED: lambda range_: afterimage.skipped(range_, *where)},
                 lambda change, range_, scene_change: afterimage.passed_on(change, range_, *where),
-                lambda range_: range_.widened(afterimage.skipped(range_, *where)),
+                Range.widened,
             )
         )
     return stages

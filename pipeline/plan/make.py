@@ -39,8 +39,9 @@ class Planned:
 
     plan: Plan
     choices: dict[str, Choice]
-    dark: NDArray[np.bool_]
-    """(row, column): tiles of the ranges that may hold, in any eye, a pixel dark enough for acuity."""
+    dark: NDArray[np.bool_] | None
+    """(row, column): tiles of the ranges that may hold, in any eye, a pixel dark enough for acuity, which works on
+    these alone; None if it is to work on all."""
 
 
 def make_plan(
@@ -61,9 +62,10 @@ def make_plan(
     the plan of least predicted error that fits: up to the tolerance errors count nothing, beyond it by their mean over
     the tiles' bounds.
     """
-    chains = [Chain(eye, effects, display) for eye in eyes]
+    plain = planning.everything and not planning.leave_out
+    chains = [] if plain else [Chain(eye, effects, display) for eye in eyes]
     choosable = _choosable(effects)
-    found = _lesser(eyes, chains, scenery, effects, planning, choosable, before or {})
+    found = {} if plain else _lesser(eyes, chains, scenery, effects, planning, choosable, before or {})
     options = {effect.value: _options(effect, effects, found, scenery, planning, costs) for effect in choosable}
     budget_ms = math.inf if planning.budget_ms is None else planning.budget_ms - fixed_ms(costs, scenery.megapixels)
     choices = settle(
@@ -79,7 +81,7 @@ def make_plan(
     }
     steps = [_step(effect, choices.get(effect.value), eyes, scenery, effects, planning, found) for effect in Effect]
     bound = max(float(chain.code_values(weights).max()) for chain in chains) if weights else 0.0
-    dark = np.any([chain.dark for chain in chains], axis=0)
+    dark = None if planning.everything else np.any([chain.dark for chain in chains], axis=0)
     return Planned(Plan(tuple(steps), bound), choices, dark)
 
 
@@ -137,7 +139,7 @@ def _lesser(
                 for eye, chain in zip(eyes, chains, strict=True)
             ]
             found[effect, level] = max(of_eyes, key=lambda lesser: lesser.error_code_values)
-            if found[effect, level].error_code_values <= planning.tolerance_code_values / 2 and not held.keys() - {
+            if found[effect, level].error_code_values <= planning.tolerance_code_values and not held.keys() - {
                 SKIPPED,
                 _full_level(effect, effects),
             }:
@@ -165,10 +167,11 @@ def _open(
 
 def _lesser_of(eye: Eye, chain: Chain, effect: Effect, level: str, effects: Effects, planning: Planning) -> Lesser:
     tolerance = planning.tolerance_code_values
-    of_tiles = chain.code_values({effect: {level: 1.0}})
+    change = chain.lesser(effect, level)
+    of_tiles = chain.code_values({effect: {level: 1.0}}) if change.any() else np.zeros(1)
     worst = float(of_tiles.max())
     threshold_cd_m2 = eye.adapted.threshold_cd_m2(effects.adaptation)
-    change_cd_m2 = float(chain.lesser(effect, level)[3].max()) if effect is Effect.GLARE else math.inf
+    change_cd_m2 = float(change[3].max()) if effect is Effect.GLARE else math.inf
     if worst <= tolerance:
         error = worst
     elif change_cd_m2 <= threshold_cd_m2:

@@ -13,9 +13,6 @@ from pipeline.plan.chain import Chain, Eye
 from pipeline.plan.settings import Planning
 from pipeline.plan.steps import SKIPPED, Effect
 
-PHOTOPIC_CD_M2 = 3.0
-"""Above it only cones see (Ferwerda; BAR 3)."""
-
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Lesser:
@@ -94,8 +91,7 @@ def _seen(effect: Effect, eye: Eye, effects: Effects) -> str:
             return f"darkest pixel {_number(measured.min_cd_m2)} cd/m², {share:.0%} of it below 0.01 cd/m²{sharp}"
         case Effect.NIGHT_COLOUR:
             adapted = eye.adapted.luminance_cd_m2
-            rods = f"rods carry {adaptation.rod_sensitivity(adapted):.0%} of vision"
-            return f"adapted to {adapted:.3g} cd/m², {'cones alone see' if adapted >= PHOTOPIC_CD_M2 else rods}"
+            return f"adapted to {adapted:.3g} cd/m², rods carry {adaptation.rod_sensitivity(adapted):.2g} of vision"
         case _:
             return "what was seen before has bleached the retina unevenly"
 

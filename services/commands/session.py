@@ -128,7 +128,7 @@ def session(
             "eyes": eyes.value,
             "mode": "live" if live else "offline",
             "seed": seed,
-            "settings": perception,
+            "perception": msgspec.to_builtins(perception, order="deterministic"),
             "interrupted": outcome.interrupted,
             "bridge": outcome.bridge,
             "worker": outcome.worker,

@@ -43,7 +43,7 @@ def test_a_bright_room_skips_acuity_and_night_colour_with_reasons() -> None:
     assert levels(perceived)[Effect.GLARE] == "window"
     reasons = {step.effect: step.reason for step in perceived.plan}
     assert "cd/m²" in reasons[Effect.ACUITY]
-    assert "cones alone" in reasons[Effect.NIGHT_COLOUR]
+    assert "rods carry 0.0003" in reasons[Effect.NIGHT_COLOUR]
     assert not {Effect.ACUITY, Effect.NIGHT_COLOUR} & set(perceived.milliseconds)
 
 

@@ -57,7 +57,7 @@ def test_a_file_sets_what_it_names(tmp_path: Path) -> None:
 def test_a_bad_file_is_named_with_its_key_and_what_it_may_hold(tmp_path: Path, text: str, named: str) -> None:
     with pytest.raises(SettingsError, match=named) as error:
         load(written(tmp_path, text))
-    assert "It may hold [observer] age_years" in str(error.value)
+    assert "It may hold [adaptation] target" in str(error.value)
 
 
 def test_a_missing_file_is_named() -> None:

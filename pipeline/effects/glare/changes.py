@@ -130,15 +130,19 @@ def _in_window(
     """
     radius_px = kernel[0][0].scatters.shape[2] // 2
     reach_px = window_of(view, radius_px).reach_px
-    nearest = []
+    nearest, farthest = [], []
     for count, gaze, size in zip(change.shape[1:], gaze_px[::-1], (view.height_px, view.width_px), strict=True):
         begin, end = np.arange(count) * tile_px - gaze, np.minimum(np.arange(1, count + 1) * tile_px, size) - gaze
         nearest.append(np.maximum(np.maximum(begin, -end), 0))
-    away_px = np.hypot(nearest[0][:, None], nearest[1])
-    most = falloff(np.maximum(away_px - math.sqrt(2) * radius_px, 0) / reach_px)
+        farthest.append(np.maximum(np.abs(begin), np.abs(end)))
+    reach = math.sqrt(2) * radius_px
+    near, far = (np.hypot(down[:, None], right) for down, right in (nearest, farthest))
+    near, far = np.maximum(near - reach, 0) / reach_px, (far + reach) / reach_px
+    # The falloff is steepest halfway, at three quarters of the reach.
+    at = np.clip(0.75, near, far)
+    slope = np.where((at > 0.5) & (at < 1), STEEPEST * 16 * (at - 0.5) * (1 - at), 0) / reach_px
     moment_px = np.sum([weight * component.moment_px for component, weight in kernel], axis=0)
-    sloping = STEEPEST / reach_px * np.einsum("oi,iyx->oyx", moment_px, high)
-    return np.asarray(most * change + np.where(most > 0, sloping, 0))
+    return np.asarray(falloff(near) * change + slope * np.einsum("oi,iyx->oyx", moment_px, high))
 
 
 def _rings(kernel: Mixture, tile_px: int) -> list[tuple[int, NDArray[np.float64]]]:

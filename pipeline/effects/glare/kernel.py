@@ -22,7 +22,6 @@ from numpy.typing import NDArray
 from pipeline.frame import LUMINANCE_WEIGHTS
 from pipeline.optics import whole
 
-
 Formula = Callable[..., NDArray[np.float64]]
 """One of analytic.py's densities: of the angle in degrees and its parameters."""
 

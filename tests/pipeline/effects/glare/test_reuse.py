@@ -6,7 +6,20 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from pipeline import Frame, Glare, GlareLevel, Light, Living, Looking, Observer, Perceived, RenderState, perceive
+from pipeline import (
+    Effects,
+    Frame,
+    Glare,
+    GlareLevel,
+    Light,
+    Living,
+    Looking,
+    Observer,
+    Perceived,
+    Planning,
+    RenderState,
+    perceive,
+)
 
 EYE = Observer(gratings=20)
 
@@ -40,7 +53,7 @@ def test_nothing_changed_is_not_computed_again() -> None:
     [
         {"eye": Looking(pupil_mm=5.1)},
         {"eye": Looking(azimuth_deg=1.0, pupil_mm=5.0)},
-        {"glare": Glare(level=GlareLevel.FRAME)},
+        {"effects": Effects(glare=Glare(level=GlareLevel.FRAME))},
         {"observer": Observer(gratings=21)},
         {"frame": lamp()},
         {"frame": dataclasses.replace(FRAME, lights=(Light(0, 0, 1.0),))},
@@ -52,8 +65,8 @@ def test_what_changes_glare_is_computed(change: dict[str, object]) -> None:
 
 
 def test_a_gaze_changes_nothing_of_a_whole_frame() -> None:
-    frame = Glare(level=GlareLevel.FRAME)
-    assert again(seen(glare=frame), eye=Looking(azimuth_deg=3.0, pupil_mm=5.0), glare=frame)
+    frame = Effects(glare=Glare(level=GlareLevel.FRAME))
+    assert again(seen(effects=frame), eye=Looking(azimuth_deg=3.0, pupil_mm=5.0), effects=frame)
 
 
 def test_lids_that_touch_no_light_change_nothing_and_those_that_do_do() -> None:
@@ -72,11 +85,15 @@ def test_a_lens_in_motion_is_computed_each_time() -> None:
 def test_only_what_the_display_cannot_show_scatters_if_asked(level: GlareLevel) -> None:
     dim = np.full((60, 64, 3), 2.0, np.float32)
     dim[30, 32] = 12.0  # a display of 100 cd/m² shows up to 45 to an eye adapted to 1
-    below = seen(Frame.from_rgb(dim, 40.0), glare=Glare(level=level, above_display=True)).state.glared
+    asked = {
+        "effects": Effects(glare=Glare(level=level, above_display=True)),
+        "planning": Planning(everything=True),
+    }
+    below = seen(Frame.from_rgb(dim, 40.0), **asked).state.glared
     assert below is not None
     assert below.result.dtype == jnp.float32
     np.testing.assert_allclose(below.result, dim.transpose(2, 0, 1)[None], rtol=1e-6)
-    above = seen(glare=Glare(level=level, above_display=True)).state.glared
+    above = seen(**asked).state.glared
     assert above is not None
     assert above.result.dtype == jnp.float32
     assert float(above.result[0, 1, 30, 32]) < 1e4
