@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
 import math
 import time
 from collections.abc import Callable, Mapping, Sequence
@@ -313,7 +314,13 @@ def _glare(frame: Frame, sights: Sequence[Sight], settings: Glare, before: Glare
         return before
     images = [scatter(frame.rgb_cd_m2[k], sight, settings) for k, sight in enumerate(sights)]
     # Waited for here: the clock does not see into a record.
-    return Glared(frame.rgb_cd_m2, cause, jax.block_until_ready(jnp.stack(images)))
+    return Glared(frame.rgb_cd_m2, cause, jax.block_until_ready(_stacked(*images)))
+
+
+@functools.partial(jax.jit, donate_argnums=0)
+def _stacked(*images: Float[Array, "3 y x"]) -> Float[Array, "eye 3 y x"]:
+    """Of one image the memory is taken over."""
+    return jnp.stack(images)
 
 
 @jax.jit
