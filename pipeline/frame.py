@@ -115,6 +115,8 @@ class Frame:
     cleaned: Cleaned = Cleaned()
     lights: tuple[Light, ...] = ()
     """Lights that the pixels do not show, drawn with their glare."""
+    all_around_cd_m2: float | None = None
+    """Mean luminance of all that surrounds the eye, by solid angle, where the scene knows it."""
 
     @classmethod
     def from_rgb(cls, rgb: ArrayLike, fov_deg: float = 104.0, *, cd_m2_per_unit: float = 1.0) -> Frame:

@@ -7,20 +7,28 @@ of 0.005 cd/m² to 1, cones alone, at 5 cd/m².
 from __future__ import annotations
 
 import math
+from typing import TypeVar
 
+import jax
 import numpy as np
 from jaxtyping import Array, Float
 from numpy.typing import NDArray
 
+Values = TypeVar("Values", float, NDArray[np.float64], jax.Array)
+
+HALF_CD_M2 = 0.04
+"""Where rods and cones share alike (LUI 5.4 = KRI 4.27, after Krawczyk 2005)."""
 A, B = 0.7670, 0.3334
 """m = A + B·log10 of the mesopic luminance (CIE 191:2010, 6.1)."""
 ROD_EFFICACY = 683 / 1699
 """V'(555 nm) = Km/K'm (CIE 191:2010): what brings scotopic luminance to the cones' scale."""
-SCOTOPIC_WEIGHTS = (0.04442296, 1.44282883, 0.97747838)
+SCOTOPIC_WEIGHTS = (0.04439683, 1.44198011, 0.97690340)
 """Scotopic luminance of the linear Rec.709 primaries. Their spectra are Mallett & Yuksel's (2019), which add up to D65
-as the primaries do; V' is the CIE's of 1951 and 1700 lm/W its peak. All from colour-science; a test computes them."""
+as the primaries do; V' is the CIE's of 1951 and 1699 lm/W its peak. All from colour-science; a test computes them."""
 WHITE_RATIO = sum(SCOTOPIC_WEIGHTS)
-"""Scotopic over photopic luminance of D65: 2.465."""
+"""Scotopic over photopic luminance of D65: 2.463."""
+LARSON = (1.33, 1.68)
+"""Factor and offset of Larson's V/Y (Larson 1997; E4)."""
 _BISECTIONS = 60
 
 
@@ -69,14 +77,20 @@ def scotopic_luminance(rgb: Float[Array, "*eye 3 y x"]) -> Float[Array, "*eye y 
     return red * rgb[..., 0, :, :] + green * rgb[..., 1, :, :] + blue * rgb[..., 2, :, :]
 
 
+def larson_ratio(others_per_x: Values) -> Values:
+    """V/Y guessed from (Y + Z)/X: 1.33·(1 + (Y + Z)/X) − 1.68 (Larson 1997; KRI prints the fraction upside down, E4)."""
+    factor, offset = LARSON
+    return factor * (1 + others_per_x) - offset
+
+
 def larson_scotopic(xyz: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Scotopic luminance guessed from CIE XYZ, shape (..., 3): Y·(1.33·(1 + (Y + Z)/X) − 1.68) (Larson 1997; E4).
+    """Scotopic luminance guessed from CIE XYZ, shape (..., 3): Y times `larson_ratio`.
 
     A fit over many lights of unknown spectra; where X is 0 there is no light. Not additive: of two lights together it
     may be 2/3 of their sum.
     """
     x, y, z = np.moveaxis(np.asarray(xyz, dtype=np.float64), -1, 0)
-    return np.where(x > 0, y * (1.33 * (1 + (y + z) / np.where(x > 0, x, 1)) - 1.68), 0.0)
+    return np.where(x > 0, y * larson_ratio((y + z) / np.where(x > 0, x, 1)), 0.0)
 
 
 def _coefficient(mesopic_cd_m2_: float) -> float:

@@ -119,7 +119,7 @@ def perceive(
         raise FrameError(f"a frame of {images} images for {len(eyes)} eyes: give one for each")
     clock = _Clock()
     measured = clock.time("measure", lambda: measure(frame))
-    adapted = clock.time(Effect.ADAPTATION, lambda: _adapt(measured, eyes, state, dt_s, effects))
+    adapted = clock.time(Effect.ADAPTATION, lambda: _adapt(frame, measured, eyes, state, dt_s, effects))
     adapted_cd_m2 = tuple(one.luminance_cd_m2 for one in adapted)
     moving = _move(observer, eyes, pupils := _pupils(frame.view, eyes, adapted_cd_m2, observer), state, dt_s)
     poses = [
@@ -230,6 +230,7 @@ def _mean_log(rgb: Float[Array, "eye 3 y x"]) -> Float[Array, "eye"]:
 
 
 def _adapt(
+    frame: Frame,
     measured: Sequence[Measurement],
     eyes: Sequence[Looking],
     state: RenderState | None,
@@ -238,7 +239,7 @@ def _adapt(
 ) -> tuple[Adapted, ...]:
     settings = effects.adaptation
     targets = [
-        adaptation.target_cd_m2(image, eye.azimuth_deg, eye.elevation_deg, settings)
+        adaptation.target_cd_m2(image, eye.azimuth_deg, eye.elevation_deg, settings, frame.all_around_cd_m2)
         for image, eye in zip(measured, eyes, strict=True)
     ]
     pupils = [PUPIL_MM if eye.pupil_mm is None else eye.pupil_mm for eye in eyes]

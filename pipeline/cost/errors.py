@@ -94,9 +94,3 @@ def shown(image: Float[np.ndarray, "3 y x"], exposure: float, display: Display) 
     """What a display shows of an image in cd/m², in the display's own cd/m²."""
     tone_mapped = tone.aces(jnp.asarray(image, jnp.float32)[None], jnp.asarray([exposure]), display.peak_cd_m2)[0]
     return np.asarray(tone_mapped, np.float64) * display.peak_cd_m2
-
-
-def delta_e_itp(first: Float[np.ndarray, "3 y x"], second: Float[np.ndarray, "3 y x"]) -> NDArray[np.float64]:
-    """ΔE ITP of each pixel of two images in cd/m² of a display, linear Rec.709."""
-    one, other = (RGB_to_ICtCp(np.einsum("oi,iyx->yxo", REC709_TO_REC2020, image)) for image in (first, second))
-    return np.asarray(delta_E_ITP(one, other))

@@ -43,6 +43,8 @@ PQ_CODES = 1023
 _M1, _M2 = 2610 / 16384, 2523 / 4096 * 128
 _C1, _C2, _C3 = 3424 / 4096, 2413 / 4096 * 32, 2392 / 4096 * 32
 """Exponents and coefficients of ST 2084."""
+_SLOPE, _JOINT, _SCALE, _OFFSET, _GAMMA = 12.92, 0.0031308, 1.055, 0.055, 2.4
+"""sRGB's line, where it ends, and the power's scale, offset and root (IEC 61966-2-1)."""
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -93,6 +95,23 @@ def to_xyz(primaries: Primaries) -> NDArray[np.float64]:
     columns = np.array([[x / y, 1, (1 - x - y) / y] for x, y in primaries]).T
     white = np.array([WHITE[0] / WHITE[1], 1, (1 - sum(WHITE)) / WHITE[1]])
     return np.asarray(columns * np.linalg.solve(columns, white))
+
+
+def srgb_signal(share: NDArray[np.float64]) -> NDArray[np.float64]:
+    """sRGB's signal of light in [0, 1] (IEC 61966-2-1)."""
+    # In place: new arrays of a frame's tiles cost more than what is computed in them.
+    power = np.log(np.maximum(share, 1e-30))
+    power /= _GAMMA
+    np.exp(power, out=power)
+    power *= _SCALE
+    power -= _OFFSET
+    return np.where(share <= _JOINT, _SLOPE * share, power)
+
+
+def pq_signal(share: NDArray[np.float64]) -> NDArray[np.float64]:
+    """PQ's signal of light in [0, 1], 1 being PQ_PEAK_CD_M2 (ST 2084, the inverse EOTF)."""
+    power = share**_M1
+    return np.asarray(((_C1 + _C2 * power) / (1 + _C3 * power)) ** _M2)
 
 
 def pq_cd_m2(signal: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -197,10 +216,10 @@ def _srgb_steps() -> NDArray[np.float32]:
 def _srgb_formula(shown: Float[Array, "..."]) -> UInt8[Array, "..."]:
     """Codes of values in [0, 1] (IEC 61966-2-1), power by exp and log in float32.
 
-    The table is made of it, not of the formula in float64, since frames were encoded by it before there was a table:
-    they keep their bytes. The other would differ in one code value of 100,000, by one.
+    The table is made of it, not of the formula in float64: which light gets which code is thus what a renderer in
+    float32 gives that works the formula out. The other would differ in one code value of 100,000, by one.
     """
-    root = jnp.exp(jnp.log(jnp.maximum(shown, np.float32(1e-8))) * np.float32(1 / 2.4))
-    power = np.float32(1.055) * root - np.float32(0.055)
-    encoded = jnp.where(shown <= np.float32(0.0031308), np.float32(12.92) * shown, power)
+    root = jnp.exp(jnp.log(jnp.maximum(shown, np.float32(1e-8))) * np.float32(1 / _GAMMA))
+    power = np.float32(_SCALE) * root - np.float32(_OFFSET)
+    encoded = jnp.where(shown <= np.float32(_JOINT), np.float32(_SLOPE) * shown, power)
     return jnp.round(encoded * 255).astype(jnp.uint8)

@@ -67,7 +67,9 @@ def make_plan(
     choosable = _choosable(effects)
     found = {} if plain else _lesser(eyes, chains, scenery, effects, planning, choosable, before or {})
     options = {effect.value: _options(effect, effects, found, scenery, planning, costs) for effect in choosable}
-    budget_ms = math.inf if planning.budget_ms is None else planning.budget_ms - fixed_ms(costs, scenery.megapixels)
+    budget_ms = (
+        math.inf if planning.budget_ms is None else planning.budget_ms - fixed_ms(costs, effects, scenery.megapixels)
+    )
     choices = settle(
         before or {}, options, dt_s, budget_ms=budget_ms, tolerance_code_values=planning.tolerance_code_values
     )
@@ -85,10 +87,11 @@ def make_plan(
     return Planned(Plan(tuple(steps), bound), choices, dark)
 
 
-def fixed_ms(costs: CostModel, megapixels: float) -> float:
+def fixed_ms(costs: CostModel, effects: Effects, megapixels: float) -> float:
     """What every frame takes, whatever is planned."""
-    parts = (("measure", "whole"), ("plan", "whole"), (Effect.ADAPTATION, ""), (Effect.TONE, ""), ("encode", "whole"))
-    return sum(costs.ms(effect, level, megapixels) for effect, level in parts)
+    parts = [(part, "whole") for part in ("measure", "plan", "encode")]
+    parts += [(effect.value, _full_level(effect, effects)) for effect in (Effect.ADAPTATION, Effect.TONE)]
+    return sum(costs.ms(part, level, megapixels) for part, level in parts)
 
 
 def _choosable(effects: Effects) -> tuple[Effect, ...]:

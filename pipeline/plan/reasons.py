@@ -5,8 +5,10 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Mapping, Sequence
 
-from pipeline.effects import adaptation
-from pipeline.effects.acuity import LIMIT_CD_M2
+import numpy as np
+
+from pipeline.effects import acuity
+from pipeline.effects.night_colour import share as night_colour
 from pipeline.effects.settings import Effects
 from pipeline.measure import MAX_SOURCES, Measurement
 from pipeline.plan.chain import Chain, Eye
@@ -83,17 +85,25 @@ def _seen(effect: Effect, eye: Eye, effects: Effects) -> str:
     match effect:
         case Effect.GLARE:
             return f"brightest pixel {_number(measured.max_cd_m2)} cd/m², {_lights(measured)}"
-        case Effect.ACUITY | Effect.ROD_NOISE:
-            sharp = (
-                f"; an eye resolves every pixel above {LIMIT_CD_M2:.2g}" if measured.min_cd_m2 >= LIMIT_CD_M2 else ""
-            )
-            share = measured.share_below(0.01)
-            return f"darkest pixel {_number(measured.min_cd_m2)} cd/m², {share:.0%} of it below 0.01 cd/m²{sharp}"
+        case Effect.ACUITY:
+            limit = acuity.limit_cd_m2(measured.view.ppd_centre, effects.acuity)
+            sharp = f"; an eye resolves every pixel above {limit:.2g}" if measured.min_cd_m2 >= limit else ""
+            return f"{_darkest(measured, 0.01)}{sharp}"
+        case Effect.ROD_NOISE:
+            return _darkest(measured, effects.rod_noise.below_cd_m2)
+        case Effect.NIGHT_COLOUR if effects.night_colour.per_pixel:
+            return f"{_darkest(measured, 3.0)}, and each has its own share of rods"
         case Effect.NIGHT_COLOUR:
             adapted = eye.adapted.luminance_cd_m2
-            return f"adapted to {adapted:.3g} cd/m², rods carry {adaptation.rod_sensitivity(adapted):.2g} of vision"
+            (share,) = night_colour.adapted_share(np.array([adapted]), effects.night_colour)
+            return f"adapted to {adapted:.3g} cd/m², rods carry {share:.2g} of vision"
         case _:
             return "what was seen before has bleached the retina unevenly"
+
+
+def _darkest(measured: Measurement, below_cd_m2: float) -> str:
+    share = measured.share_below(below_cd_m2)
+    return f"darkest pixel {_number(measured.min_cd_m2)} cd/m², {share:.0%} of the frame below {below_cd_m2:g} cd/m²"
 
 
 def _lights(measured: Measurement) -> str:

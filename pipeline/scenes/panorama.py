@@ -21,7 +21,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
-from pipeline.frame import Cleaned, Frame, View
+from pipeline.frame import LUMINANCE_WEIGHTS, Cleaned, Frame, View
 from pipeline.scenes.image_file import HdrFile, band_solid_angles
 from pipeline.scenes.resample import area_mean
 from pipeline.scenes.scene import Head, count_eyes, headset_view, rays, rotation
@@ -72,8 +72,15 @@ class Panorama:
             image = _look(self._texels_for(view), view, jnp.asarray(rotation(head)))
             # The last frame alone: a head that rests sees the same array, so that nothing is done twice.
             self._shown.clear()
-            self._shown[seen] = Frame(jnp.stack([image] * count_eyes(eyes)), view, self.cleaned)
+            self._shown[seen] = Frame(
+                jnp.stack([image] * count_eyes(eyes)), view, self.cleaned, all_around_cd_m2=self._mean_cd_m2
+            )
         return self._shown[seen]
+
+    @functools.cached_property
+    def _mean_cd_m2(self) -> float:
+        luminance = np.tensordot(np.array(LUMINANCE_WEIGHTS, np.float32), self.rgb_cd_m2, 1).mean(1, dtype=np.float64)
+        return float(np.average(luminance, weights=band_solid_angles(len(luminance))))
 
     def _texels_for(self, view: View) -> Texels:
         rows = min(self.rgb_cd_m2.shape[1], max(1, round(math.pi * view.focal_px)))

@@ -56,7 +56,8 @@ def _table(lines: list[str], values: dict[str, object], name: str) -> None:
     if name:
         lines += ["", f"[{name}]"]
     for key, value in values.items():
-        if not isinstance(value, dict):
+        # TOML has no null: what is not there has its default.
+        if value is not None and not isinstance(value, dict):
             # Numbers, truth values and strings of JSON are TOML's too, but for DEL, which JSON leaves as it is.
             text = msgspec.json.encode(value).decode().replace("\x7f", "\\u007f")
             lines.append(f"{key} = {text}")

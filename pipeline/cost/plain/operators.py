@@ -13,13 +13,13 @@ from scipy.interpolate import PchipInterpolator
 
 from pipeline.cost.plain import adaptation, tone
 from pipeline.cost.plain.adaptation import luminance
+from pipeline.cost.plain.night_colour import RGB_TO_XYZ
 from pipeline.threshold import cone_threshold_cd_m2, rod_threshold_cd_m2, threshold_cd_m2
 
 Reals = NDArray[np.float64]
 
 PEAK_CD_M2 = tone.REFERENCE_PEAK_CD_M2
-X_WEIGHTS, Z_WEIGHTS = np.array([0.4124, 0.3576, 0.1805]), np.array([0.0193, 0.1192, 0.9505])
-"""Of linear Rec.709 (IEC 61966-2-1)."""
+X_WEIGHTS, _, Z_WEIGHTS = RGB_TO_XYZ
 
 
 def filmic(rgb: Reals, adapted_cd_m2: float) -> Reals:

@@ -83,7 +83,8 @@ def night_colour_ways(stage: Stage) -> Ways:
     settings |= {"lui, mesopic": NightColour(mesopic=True), "lui, per pixel": NightColour(per_pixel=True)}
 
     def by_pixel() -> Reals:
-        share = 0.04 / (0.04 + luminance(stage.resolved.astype(np.float64)))
+        y = luminance(stage.resolved.astype(np.float64))
+        share = mesopic.HALF_CD_M2 / (mesopic.HALF_CD_M2 + y)
         return plain_night.towards(exact, np.array(plain_night.TINT), share)
 
     def rods() -> Reals:

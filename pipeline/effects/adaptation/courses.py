@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 
 from pipeline.effects.adaptation.settings import DEFAULT, Adaptation, Course
+from pipeline.mesopic import HALF_CD_M2
 from pipeline.threshold import threshold_cd_m2
 
 TAU_ROD_S, TAU_CONE_S = 0.4, 0.1
@@ -13,7 +14,7 @@ TAU_ROD_S, TAU_CONE_S = 0.4, 0.1
 
 def rod_sensitivity(luminance_cd_m2: float) -> float:
     """σ: 1 in the dark, 0 in the light (LUI 5.4)."""
-    return 0.04 / (0.04 + luminance_cd_m2)
+    return HALF_CD_M2 / (HALF_CD_M2 + luminance_cd_m2)
 
 
 def adapt_cd_m2(adapted_cd_m2: float, target: float, dt_s: float, settings: Adaptation = DEFAULT) -> float:

@@ -23,15 +23,16 @@ def target_cd_m2(
     azimuth_deg: float,
     elevation_deg: float,
     settings: Adaptation = DEFAULT,
-    *,
-    equirectangular: bool = False,
+    all_around_cd_m2: float | None = None,
 ) -> float:
     """The luminance an eye with this direction of gaze is on its way to; FLOOR_CD_M2 or more.
 
     A gaze outside the frame takes the part of the frame that is nearest to it; only target `lui` follows the gaze.
-    `equirectangular`: the frame is a whole panorama, zenith first, and for `kri` and `bar-scene` each row weighs as
-    much as it covers of the sphere (BAR §3.2: sin of its latitude from the pole).
+    `all_around_cd_m2` is the mean of a whole panorama, each row weighing as much as it covers of the sphere, where
+    that is known: `bar-scene` takes it (BAR §3.2).
     """
+    if settings.target is Target.BAR_SCENE and all_around_cd_m2 is not None:
+        return max(all_around_cd_m2, FLOOR_CD_M2)
     tiles = measurement.tile_mean_cd_m2.astype(np.float64)
     match settings.target:
         case Target.LUI:
@@ -39,7 +40,7 @@ def target_cd_m2(
         case Target.BAR_VIEW:
             weights = _around_middle(measurement)
         case Target.KRI | Target.BAR_SCENE:
-            weights = _covered(measurement, equirectangular=equirectangular)
+            weights = _covered(measurement)
     weights = weights / weights.sum()
     if settings.robust:
         # A lamp on the border of two tiles counts twice: little beside the decades that it does not count.
@@ -78,11 +79,9 @@ def _around_middle(measurement: Measurement) -> Tiles:
     return weights if weights.any() else _covered(measurement)
 
 
-def _covered(measurement: Measurement, *, equirectangular: bool = False) -> Tiles:
-    """How much of the frame, or of the sphere, each tile covers; those at the lower and right edge may be cut."""
+def _covered(measurement: Measurement) -> Tiles:
+    """How much of the frame each tile covers; those at the lower and right edge may be cut."""
     along_y, along_x = _edges(measurement)
-    if equirectangular:
-        along_y = -np.cos(np.pi * along_y / measurement.view.height_px)
     return np.outer(np.diff(along_y), np.diff(along_x))
 
 

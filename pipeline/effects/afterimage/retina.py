@@ -18,19 +18,19 @@ import numpy as np
 from jaxtyping import Array, Float
 from numpy.typing import NDArray
 
+from pipeline.effects.adaptation import pigments
 from pipeline.effects.afterimage import geometry
 from pipeline.effects.afterimage.settings import Afterimage
 from pipeline.effects.encode import REC709, to_xyz
 from pipeline.frame import View
 
-TAU_S = 110.0
-"""Of the cones' pigment's return (Pattanaik 2000; Rushton)."""
-HALF_TD = 10**4.3
-"""Retinal illuminance that leaves half of it (Rushton & Henry 1968), of the L and M cones. The S cones', which nobody
-has measured well, are taken as the same."""
+TAU_S, HALF_TD = pigments.TAU_S[0], pigments.HALF_TD[0]
+"""Return of the cones' pigment, and retinal illuminance that leaves half of it: measured of the L and M cones. The S
+cones', which nobody has measured well, are taken as the same."""
 
 CONES_OF_XYZ = ((0.40024, 0.70760, -0.08081), (-0.22630, 1.16532, 0.04570), (0.0, 0.0, 0.91822))
-"""L, M and S after Hunt, Pointer and Estévez. colour-science has it too, and takes seconds to import."""
+"""L, M and S after Hunt, Pointer and Estévez, each 1 for D65 (Hunt & Pointer 1985; the matrix of von Kries' adaptation
+in Fairchild, Color Appearance Models). colour-science has it as "Von Kries", and takes seconds to import."""
 
 
 @dataclasses.dataclass(frozen=True, eq=False)

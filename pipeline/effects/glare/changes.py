@@ -89,15 +89,17 @@ def veil(kernel: Mixture, measured: Measurement, ceiling_cd_m2: float | None = N
     brightest, darkest = high.max(axis=(1, 2), keepdims=True), low.min(axis=(1, 2), keepdims=True)
     change = np.zeros_like(low)
     for function, share in amounts(kernel).items():
-        within = _within(measured.view, function, low.shape[1], low.shape[2])
-        gains = np.minimum(within * (1 + VEIL_MARGIN), 1) * brightest - low
-        change += share * np.maximum(gains, high - within * (1 - VEIL_MARGIN) * darkest).clip(0)
+        least, most = _within(measured.view, function, *low.shape[1:], measured.range_cd_m2.tile_px)
+        gains = np.minimum(most * (1 + VEIL_MARGIN), 1) * brightest - low
+        change += share * np.maximum(gains, high - least * (1 - VEIL_MARGIN) * darkest).clip(0)
     return change
 
 
 @functools.lru_cache(maxsize=16)
-def _within(view: View, veil: Veil, rows: int, columns: int) -> NDArray[np.float64]:
-    """The share of a veil's light that comes from within the frame, at each tile."""
+def _within(
+    view: View, veil: Veil, rows: int, columns: int, tile_px: int
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Least and largest share of a veil's light that comes from within the frame, at the corners of each tile."""
 
     def directions(at: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         v, u = np.meshgrid(at * view.height_px / view.focal_px, at * view.width_px / view.focal_px, indexing="ij")
@@ -109,12 +111,18 @@ def _within(view: View, veil: Veil, rows: int, columns: int) -> NDArray[np.float
     parts, solid_angles = directions((np.arange(FIELD) + 0.5) / FIELD - 0.5)
     deg = np.degrees(np.arccos(np.clip(places @ parts.T, -1, 1)))
     weights = solid_angles * (view.width_px / view.focal_px) * (view.height_px / view.focal_px) / FIELD**2
-    seen = (veil.density(deg) @ weights / radial.hemisphere_volume(veil.density)).reshape(len(at), len(at))
+    density = np.where(deg <= radial.EDGE_DEG, veil.density(deg), 0)
+    seen = (density @ weights / radial.hemisphere_volume(veil.density)).reshape(len(at), len(at))
     down, right = (
-        np.stack([np.interp((np.arange(count) + 0.5) / count - 0.5, at, unit) for unit in np.eye(len(at))], 1)
-        for count in (rows, columns)
+        np.stack(
+            [np.interp(np.minimum(np.arange(count + 1) * tile_px / size, 1) - 0.5, at, one) for one in np.eye(len(at))],
+            1,
+        )
+        for count, size in ((rows, view.height_px), (columns, view.width_px))
     )
-    return np.asarray(down @ seen @ right.T)
+    corners = down @ seen @ right.T
+    of_tile = [corners[y : y + rows, x : x + columns] for y in (0, 1) for x in (0, 1)]
+    return np.min(of_tile, axis=0), np.max(of_tile, axis=0)
 
 
 def _in_window(

@@ -8,7 +8,7 @@ bounds.py     how much it may change at most, for the planner
 """
 
 from pipeline.effects.night_colour.settings import NightColour, NightMethod
-from pipeline.effects.night_colour.shift import grey_change_code_values, night_tint, shift
+from pipeline.effects.night_colour.shift import night_tint, shift
 from pipeline.effects.night_colour.tints import TINT
 
-__all__ = ["TINT", "NightColour", "NightMethod", "grey_change_code_values", "night_tint", "shift"]
+__all__ = ["TINT", "NightColour", "NightMethod", "night_tint", "shift"]

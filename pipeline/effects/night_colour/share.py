@@ -14,11 +14,10 @@ from numpy.typing import NDArray
 
 from pipeline import mesopic
 from pipeline.effects.night_colour.settings import NightColour, NightMethod
+from pipeline.mesopic import HALF_CD_M2
 
 Values = TypeVar("Values", NDArray[np.float64], jax.Array)
 
-HALF_CD_M2 = 0.04
-"""Where rods and cones share alike (LUI 5.4 = KRI 4.27, after Krawczyk 2005)."""
 HUNT = (0.069, 1.409, 4.267)
 """BAR 11, a fit to Hunt 2004."""
 PHOTOPIC_CD_M2 = 3.0
@@ -52,7 +51,7 @@ def largest_step(low_cd_m2: NDArray[np.float64], step: NDArray[np.float64], meth
 
 
 def _hunt(luminance_cd_m2: Values) -> Values:
-    """1 − σ of BAR 11, whose step of 5·10⁻⁵ at 3 cd/m² is spread over the whole curve: there it is 0."""
+    """1 − σ of BAR 11, whose step of 5.6·10⁻⁵ at 3 cd/m² is spread over the whole curve: there it is 0."""
     xp = jnp if isinstance(luminance_cd_m2, jax.Array) else np
     a, b, c = (np.float32(value) if xp is jnp else value for value in HUNT)
     below = xp.minimum(luminance_cd_m2, np.float32(PHOTOPIC_CD_M2) if xp is jnp else PHOTOPIC_CD_M2)

@@ -19,9 +19,10 @@ from numpy.typing import NDArray
 
 from pipeline.effects.night_colour.settings import NightColour, NightMethod
 from pipeline.effects.night_colour.share import adapted_share, share
-from pipeline.effects.night_colour.tints import BLUE_XY, SUM_WEIGHTS, TINT, tint, weights
+from pipeline.effects.night_colour.tints import BLUE_XY, TINT, tint, weights
 from pipeline.frame import LUMINANCE_WEIGHTS, FrameError
 from pipeline.measure import luminance
+from pipeline.primaries import SUM_WEIGHTS
 
 
 def shift(
@@ -53,14 +54,6 @@ def night_tint(displayed: Float[Array, "eye 3 y x"], rod_share: Float[Array, "ey
     shares = jnp.asarray(rod_share, jnp.float32)[:, None, None]
     tints = jnp.broadcast_to(jnp.asarray(TINT, jnp.float32), (displayed.shape[0], 3))
     return _blend(displayed, shares, tints, LUMINANCE_WEIGHTS, False)
-
-
-def grey_change_code_values(rod_share: float) -> float:
-    """At most how many of 255 code values LUI's tint changes a grey pixel.
-
-    Blue, which changes most, gains 0.27·σ of itself, and v·dE/dv of the sRGB encoding E(v) is 0.44 at most.
-    """
-    return 255 * 0.44 * (max(TINT) - 1) * rod_share
 
 
 @functools.partial(jax.jit, static_argnames=("seen_by", "by_chromaticity"))
@@ -96,6 +89,6 @@ def _of_blue(displayed: Float[Array, "eye 3 y x"], sigma: Float[Array, "eye #y #
     return blue / jnp.maximum(all_light, np.float32(1e-30))
 
 
-def _weighted(rgb: Float[Array, "eye 3 y x"], by: tuple[float, float, float]) -> Float[Array, "eye y x"]:
+def _weighted(rgb: Float[Array, "eye 3 y x"], by: Sequence[float]) -> Float[Array, "eye y x"]:
     red, green, blue = (np.float32(weight) for weight in by)
     return red * rgb[:, 0] + green * rgb[:, 1] + blue * rgb[:, 2]

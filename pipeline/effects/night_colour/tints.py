@@ -10,19 +10,12 @@ from numpy.typing import NDArray
 from pipeline.effects.night_colour.settings import NightMethod
 from pipeline.frame import LUMINANCE_WEIGHTS
 from pipeline.mesopic import SCOTOPIC_WEIGHTS, WHITE_RATIO
+from pipeline.primaries import XYZ_TO_RGB
 
 TINT = (1.05, 0.97, 1.27)
 """LUI 5.18."""
 KRI_TINT = (1.016784, 0.983176, 1.107126)
 """KRI 4.29."""
-XYZ_TO_RGB = (
-    (3.2404542, -1.5371385, -0.4985314),
-    (-0.9692660, 1.8760108, 0.0415560),
-    (0.0556434, -0.2040259, 1.0572252),
-)
-"""Linear Rec.709 of CIE XYZ, white D65 (ITU-R BT.709)."""
-SUM_WEIGHTS = (0.6444632, 1.1919203, 1.2029166)
-"""X + Y + Z of the linear Rec.709 primaries (ITU-R BT.709)."""
 BLUE_XY = (0.25, 0.25)
 """The chromaticity towards which KRI 4.28 blends (Jensen et al. 2001)."""
 ROD_XY = (0.28, 0.29)

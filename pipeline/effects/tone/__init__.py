@@ -9,7 +9,7 @@ bounds.py    what tone mapping makes of a range of values and of a change
 code_values.py  what that is in code values
 """
 
-from pipeline.display_light import black_share, reflected_cd_m2, seen_peak_cd_m2, viewer_cd_m2
+from pipeline.display_light import seen_peak_cd_m2
 from pipeline.effects.encode import srgb_codes as encode
 from pipeline.effects.tone.bounds import passed_on, shown
 from pipeline.effects.tone.code_values import code_values
@@ -30,16 +30,13 @@ __all__ = [
     "Operator",
     "Tone",
     "aces",
-    "black_share",
     "ceiling_cd_m2",
     "code_values",
     "display_scale",
     "encode",
     "full_cd_m2",
     "passed_on",
-    "reflected_cd_m2",
     "seen_peak_cd_m2",
     "show",
     "shown",
-    "viewer_cd_m2",
 ]

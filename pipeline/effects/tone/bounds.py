@@ -12,6 +12,7 @@ from pipeline.effects.tone.hue import WEIGHTS, change_within, range_within
 from pipeline.effects.tone.settings import Hue, Operator, Tone
 from pipeline.effects.tone.show import coefficients
 from pipeline.frame import Display
+from pipeline.mesopic import HALF_CD_M2
 from pipeline.ranges import Change, Range
 
 Tiles = NDArray[np.float64]
@@ -22,7 +23,7 @@ def shown(range_: Range, adapted_cd_m2: float, target_cd_m2: float, settings: To
     numbers = coefficients(adapted_cd_m2, target_cd_m2, settings, display)
     if _each_component(settings):
         scale = numbers[0]
-        low, high = _filmic(range_.low[:3] * scale), _filmic(range_.high[:3] * scale)
+        low, high = filmic.shown(range_.low[:3] * scale), filmic.shown(range_.high[:3] * scale)
     else:
         low, high = range_within(*_mapped(range_, _gains(range_, settings, numbers)), settings.hue)
     return Range(_with_luminance(low), _with_luminance(high), range_.tile_px)
@@ -66,19 +67,6 @@ def _each_component(settings: Tone) -> bool:
     return settings.operator is Operator.ACES and settings.hue is Hue.CLIP
 
 
-def _filmic(x: Tiles) -> Tiles:
-    x = np.minimum(x, filmic.FLAT)
-    bottom = 2.43 * x
-    bottom += 0.59
-    bottom *= x
-    bottom += 0.14
-    top = 2.51 * x
-    top += 0.03
-    top *= x
-    top /= bottom
-    return np.minimum(top, 1, out=top)
-
-
 def _gains(range_: Range, settings: Tone, numbers: tuple[float, ...]) -> Gains:
     low, high = np.tensordot(WEIGHTS, range_.low[:3], 1), np.tensordot(WEIGHTS, range_.high[:3], 1)
     # A range's 0 may stand for less than 0. Clipping that can only raise luminance.
@@ -118,7 +106,7 @@ def _mapped_change(change: Change, range_: Range, gains: Gains, settings: Tone, 
     y_change *= gains.slope
     turned = range_.high[:3] * y_change
     if settings.operator is Operator.DURAND:
-        share = numbers[1] * durand.SEMISATURATION_CD_M2 / (durand.SEMISATURATION_CD_M2 + gains.y_low)
+        share = numbers[1] * HALF_CD_M2 / (HALF_CD_M2 + gains.y_low)
         turned += share * durand.ratio_change(change[:3])
     step += np.minimum(turned, range_.high[:3] * (gains.most - gains.least), out=turned)
     return step

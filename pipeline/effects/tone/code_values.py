@@ -9,7 +9,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.display_light import black_share
-from pipeline.effects.encode import P3, PQ_CODES, PQ_PEAK_CD_M2, REC709, REC2020, Primaries, matrix
+from pipeline.effects.encode import (
+    P3,
+    PQ_CODES,
+    PQ_PEAK_CD_M2,
+    REC709,
+    REC2020,
+    Primaries,
+    matrix,
+    pq_signal,
+    srgb_signal,
+)
 from pipeline.frame import Display, Encoding
 from pipeline.ranges import Change, Range
 
@@ -35,19 +45,8 @@ def code_values(change: Change, shown_: Range, display: Display) -> NDArray[np.f
     return np.asarray(codes * shows.max(0))
 
 
-def _srgb(share: NDArray[np.float64]) -> NDArray[np.float64]:
-    power = np.log(np.maximum(share, 1e-30))
-    power /= 2.4
-    np.exp(power, out=power)
-    power *= 1.055
-    power -= 0.055
-    return np.where(share <= 0.0031308, 12.92 * share, power)
-
-
 def _pq(peak_cd_m2: float, share: NDArray[np.float64]) -> NDArray[np.float64]:
-    """SMPTE ST 2084 of a share of the peak."""
-    power = (share * (peak_cd_m2 / PQ_PEAK_CD_M2)) ** (2610 / 16384)
-    return np.asarray(((3424 + 2413 * 32 * power) / (4096 + 2392 * 32 * power)) ** (2523 / 32))
+    return pq_signal(share * (peak_cd_m2 / PQ_PEAK_CD_M2))
 
 
 def _encoding_of(
@@ -56,11 +55,11 @@ def _encoding_of(
     """From Rec.709 to the display's primaries (None: they are the same), its transfer function, its last code."""
     match display.encoding:
         case Encoding.DISPLAY_P3:
-            return _primaries(P3), _srgb, 255
+            return _primaries(P3), srgb_signal, 255
         case Encoding.HDR10:
             return _primaries(REC2020), functools.partial(_pq, display.peak_cd_m2), PQ_CODES
         case Encoding.SRGB | Encoding.LINEAR:
-            return None, _srgb, 255
+            return None, srgb_signal, 255
 
 
 @functools.cache

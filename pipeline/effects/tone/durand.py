@@ -13,14 +13,12 @@ from numpy.typing import NDArray
 from pipeline.display_light import seen_peak_cd_m2, viewer_cd_m2
 from pipeline.effects.tone.hue import weighted
 from pipeline.frame import LUMINANCE_WEIGHTS, Display
+from pipeline.mesopic import HALF_CD_M2, LARSON, larson_ratio
+from pipeline.primaries import X_WEIGHTS, Z_WEIGHTS
 from pipeline.ranges import Range
 from pipeline.threshold import cone_threshold_cd_m2, rod_threshold_cd_m2
 
-X_WEIGHTS, Z_WEIGHTS = (0.4124, 0.3576, 0.1805), (0.0193, 0.1192, 0.9505)
-"""CIE X and Z of linear Rec.709 primaries with D65 white (IEC 61966-2-1)."""
-SEMISATURATION_CD_M2 = 0.04
-"""Where rods have half their part (KRI 4.27)."""
-LEAST_RATIO, LARGEST_RATIO = 0.3978, 7.186
+LEAST_RATIO, LARGEST_RATIO = 0.3978, 7.187
 """V/Y of red and of blue light, between which every other lies, rounded outwards."""
 WHITE_RATIO = 2.573
 """V/Y of D65."""
@@ -40,19 +38,19 @@ def gain(
 ) -> Float[Array, "eye y x"]:
     """L_d/L = m_C + σ(L)·m_R·V/L (KRI 4.26) of red, green and blue, each 0 or more.
 
-    V/L = 1.33·(1 + (Y+Z)/X) − 1.68 (Larson 1997, E4). A black pixel stays black whatever its ratio.
+    V/L is Larson's. A black pixel stays black whatever its ratio.
     """
     x, z = weighted(planes, X_WEIGHTS), weighted(planes, Z_WEIGHTS)
-    ratio = np.float32(1.33) * (1 + (y + z) / jnp.maximum(x, np.float32(1e-30))) - np.float32(1.68)
-    return cones + rods * (np.float32(SEMISATURATION_CD_M2) / (np.float32(SEMISATURATION_CD_M2) + y)) * ratio
+    ratio = larson_ratio((y + z) / jnp.maximum(x, np.float32(1e-30)))
+    return cones + rods * (np.float32(HALF_CD_M2) / (np.float32(HALF_CD_M2) + y)) * ratio
 
 
 def ratios(low: NDArray[np.float64], high: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """The least and the largest V/Y of colours between two, (3, rows, columns) each."""
     numerator, x = _rows()
     with np.errstate(divide="ignore", invalid="ignore"):
-        least = 1.33 * (1 + np.tensordot(numerator, low, 1) / np.tensordot(x, high, 1)) - 1.68
-        largest = 1.33 * (1 + np.tensordot(numerator, high, 1) / np.tensordot(x, low, 1)) - 1.68
+        least = larson_ratio(np.asarray(np.tensordot(numerator, low, 1) / np.tensordot(x, high, 1)))
+        largest = larson_ratio(np.asarray(np.tensordot(numerator, high, 1) / np.tensordot(x, low, 1)))
     return (
         np.clip(np.nan_to_num(least, nan=LEAST_RATIO), LEAST_RATIO, LARGEST_RATIO),
         np.clip(np.nan_to_num(largest, nan=LARGEST_RATIO), LEAST_RATIO, LARGEST_RATIO),
@@ -64,7 +62,7 @@ def gains(
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
     """The least and the largest gain of a tile, and its largest slope over luminance for one and the same colour."""
     least, largest = ratios(range_.low[:3], range_.high[:3])
-    s = SEMISATURATION_CD_M2
+    s = HALF_CD_M2
     slope = rods * largest * s / (s + y_low) ** 2
     return cones + rods * least * s / (s + y_high), cones + rods * largest * s / (s + y_low), slope
 
@@ -75,14 +73,15 @@ def ratio_change(step: NDArray[np.float64]) -> NDArray[np.float64]:
     With n = Y + Z and r = n/X, r' − r = ((n' − n) − r'·(X' − X))/X, and a component c is X/k_c at most.
     """
     numerator, x = _rows()
-    largest = (LARGEST_RATIO + 1.68) / 1.33 - 1
-    moved = 1.33 * (np.tensordot(numerator, step, 1) + largest * np.tensordot(x, step, 1))
+    factor, offset = LARSON
+    largest = (LARGEST_RATIO + offset) / factor - 1
+    moved = factor * (np.tensordot(numerator, step, 1) + largest * np.tensordot(x, step, 1))
     return np.asarray(moved / x[:, None, None])
 
 
 def full_cd_m2(cones: float, rods: float) -> float:
     """The luminance of white light from which on the display shows its peak: cones·L + rods·r·s·L/(s + L) = 1."""
-    s = SEMISATURATION_CD_M2
+    s = HALF_CD_M2
     linear = cones * s + rods * WHITE_RATIO * s - 1
     return (math.sqrt(linear * linear + 4 * cones * s) - linear) / (2 * cones)
 

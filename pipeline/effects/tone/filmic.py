@@ -48,9 +48,23 @@ def display_scale_of(peak_cd_m2: float) -> float:
     return float(display_scale(peak_cd_m2))
 
 
+def shown(x: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The curve as a display ends it, at 1, of a frame's tiles."""
+    # In place, as `slope`: new arrays of a frame's tiles cost more than what is computed in them.
+    x = np.minimum(x, FLAT)
+    bottom = 2.43 * x
+    bottom += 0.59
+    bottom *= x
+    bottom += 0.14
+    top = 2.51 * x
+    top += 0.03
+    top *= x
+    top /= bottom
+    return np.minimum(top, 1, out=top)
+
+
 def slope(x: NDArray[np.float64]) -> NDArray[np.float64]:
     """The curve's derivative: rises from 0.21 at 0 to 1.80 at INFLECTION, and falls from there."""
-    # In place, as in bounds.py: new arrays of a frame's tiles cost more than what is computed in them.
     root = 2.43 * x
     root += 0.59
     root *= x

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pipeline.display_light import seen_peak_cd_m2, viewer_cd_m2
+from pipeline.effects.adaptation import overshoot_threshold_cd_m2
 from pipeline.frame import Display
 from pipeline.threshold import cone_threshold_cd_m2, threshold_cd_m2
 
@@ -16,12 +17,11 @@ def coefficients(adapted_cd_m2: float, target_cd_m2: float, display: Display) ->
     by L_d/L has no value at a black pixel.
     """
     display_threshold = cone_threshold_cd_m2(viewer_cd_m2(display)) / seen_peak_cd_m2(display)
-    now = threshold_cd_m2(adapted_cd_m2)
+    now = overshoot_threshold_cd_m2(adapted_cd_m2, target_cd_m2)
     if target_cd_m2 <= adapted_cd_m2:
         return display_threshold / now, 0.0
     settled = threshold_cd_m2(target_cd_m2)
-    overshoot = settled * settled / now
-    return display_threshold / overshoot, display_threshold * target_cd_m2 * (1 / settled - 1 / overshoot)
+    return display_threshold / now, display_threshold * target_cd_m2 * (1 / settled - 1 / now)
 
 
 def full_cd_m2(gain: float, offset: float) -> float:

@@ -12,12 +12,15 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
+from pipeline import Effects, Looking, Observer, View, perceive
 from pipeline.effects.adaptation import FLOOR_CD_M2, Adaptation, Target, target_cd_m2
 from pipeline.effects.adaptation.targets import LIMIT
 from pipeline.frame import Frame
 from pipeline.measure import Measurement, measure
+from pipeline.scenes import Head
 from pipeline.scenes.discs import add_discs
-from pipeline.scenes.image_file import band_solid_angles
+from pipeline.scenes.panorama import Panorama
+from tracker_bridge.wire import Eye
 
 WINDOWED = (Target.LUI, Target.BAR_VIEW)
 
@@ -88,23 +91,16 @@ def test_the_mean_of_the_whole_frame_counts_every_pixel_once() -> None:
     assert seen == pytest.approx(luminance.mean(), rel=1e-6)
 
 
-@pytest.mark.parametrize("rows", [64, 200])
-def test_rows_of_a_panorama_weigh_as_the_sphere_they_cover(rows: int) -> None:
-    luminance = np.random.default_rng(3).uniform(0, 5, rows)
-    panorama = measured(np.broadcast_to(luminance[:, None], (rows, 2 * rows)))
-    seen = target_cd_m2(panorama, 0.0, 0.0, Adaptation(target=Target.BAR_SCENE), equirectangular=True)
-    expected = np.average(luminance, weights=band_solid_angles(rows))
-    # Within a tile of 4 rows the mean is plain.
-    assert seen == pytest.approx(expected, rel=1e-6 if rows <= 64 else 1e-2)
-
-
-def test_a_polar_cap_covers_its_share_of_the_sphere() -> None:
-    """60° around the zenith: (1 − cos 60°)/2."""
-    cap = np.zeros((60, 120))
-    cap[:20] = 8.0
-    how = Adaptation(target=Target.BAR_SCENE)
-    assert target_cd_m2(measured(cap), 0.0, 0.0, how, equirectangular=True) == pytest.approx(2.0, rel=1e-6)
-    assert target_cd_m2(measured(cap), 0.0, 0.0, how) == pytest.approx(8 / 3, rel=1e-6)
+def test_of_a_panorama_the_scene_is_the_whole_sphere_wherever_the_head_turns() -> None:
+    """A cap of 60° around the zenith covers (1 − cos 60°)/2 of it."""
+    cap = np.zeros((3, 60, 120), np.float32)
+    cap[:, :20] = 8.0
+    panorama = Panorama(cap, "a bright sky")
+    how = Effects(adaptation=Adaptation(target=Target.BAR_SCENE))
+    for head in (Head(), Head(pitch_deg=80.0)):
+        frame = panorama.frame(0.0, View(32, 32, 60.0), head, (Eye.LEFT,))
+        seen = perceive(frame, Looking(pupil_mm=3.0), observer=Observer(gratings=0, particles=0), effects=how)
+        assert seen.state.adapted_cd_m2[0] == pytest.approx(2.0, rel=1e-6)
 
 
 @pytest.mark.parametrize("size", [(256, 256), (200, 384)])
