@@ -1,16 +1,15 @@
 """Every effect in float32 beside the same equations plainly in float64: how far apart at most, effect by effect.
 
-The tolerances are stated in docs/hard-cases.md. Those of light are relative to the pixel; where an effect sums a
-frame's light, also to what it sums.
+The tolerances are stated in docs/hard-cases.md; those of what is off by default are in test_float32_options.py. Those
+of light are relative to the pixel; where an effect sums a frame's light, also to what it sums.
 """
 
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from hard_frames import FOV_DEG, SMALL, see
-from numpy.typing import NDArray
+from hard_frames import SMALL, VIEW, every_adapted, every_frame, of_name, see
 
-from pipeline import Display, Frame, Glare, GlareLevel, GlareModel, Looking, View
+from pipeline import Display, Frame, Glare, GlareLevel, GlareModel, Looking
 from pipeline.cost.plain import acuity as plain_acuity
 from pipeline.cost.plain import adaptation as plain_adaptation
 from pipeline.cost.plain import night_colour as plain_night
@@ -25,49 +24,13 @@ from pipeline.effects.tone import Hue, Operator, Tone
 from pipeline.measure import measure
 from pipeline.optics.aperture import Pose
 
-VIEW = View(64, 60, FOV_DEG)
 DISPLAY = Display()
-Image = NDArray[np.float32]
-
-
-def night() -> Image:
-    """From a moonless night to lamps, every pixel another colour, and some black."""
-    random = np.random.default_rng(5)
-    y = 10 ** random.uniform(-4, 3, (1, 60, 64))
-    rgb = y * random.dirichlet((1.0, 1.0, 1.0), (60, 64)).transpose(2, 0, 1) * 3
-    rgb[:, 20, 10:20] = 0
-    return np.asarray(rgb, np.float32)
-
-
-def starlight() -> Image:
-    """Dim enough for every pixel to lose detail."""
-    random = np.random.default_rng(6)
-    return np.asarray(10 ** random.uniform(-6, -1, (3, 60, 64)), np.float32)
-
-
-def sun() -> Image:
-    """1e9 beside 1e-6."""
-    rgb = np.full((3, 60, 64), 1e-6, np.float32)
-    rgb[:, 12, 40:42] = 1e9
-    rgb[:, 30:] *= 100
-    return rgb
-
-
-FRAMES = {"night": night, "starlight": starlight, "sun": sun}
-every_frame = pytest.mark.parametrize("name", FRAMES)
-every_adapted = pytest.mark.parametrize("adapted", [1e-6, 0.01, 0.3, 50.0, 1e6])
-
-
-def of(name: str) -> tuple[Image, NDArray[np.float64]]:
-    """A frame for the program, and the same for float64."""
-    rgb = FRAMES[name]()
-    return rgb, rgb.astype(np.float64)
 
 
 @every_frame
 @pytest.mark.parametrize("gaze_deg", [(0.0, 0.0), (-21.0, 13.0), (80.0, -80.0)])
 def test_adaptation_is_within_2e_6(name: str, gaze_deg: tuple[float, float]) -> None:
-    rgb, exact = of(name)
+    rgb, exact = of_name(name)
     target = adaptation.target_cd_m2(measure(Frame(jnp.asarray(rgb)[None], VIEW))[0], *gaze_deg)
     assert target == pytest.approx(plain_adaptation.target_cd_m2(exact, VIEW, *gaze_deg), rel=2e-6)
 
@@ -82,7 +45,7 @@ def test_exposure_and_the_rods_share_are_float64_themselves(adapted: float) -> N
 @pytest.mark.parametrize("model", [GlareModel.WAVE, GlareModel.CIE])
 def test_glare_is_within_1e_3_of_the_pixel_and_of_the_veil(name: str, model: GlareModel) -> None:
     """The veil's tiles take it up, 8e-4 beside a sun; without one it is ten times less."""
-    rgb, exact = of(name)
+    rgb, exact = of_name(name)
     kernel = mixture(model, SMALL, Pose(4.0), 0.01, VIEW.ppd_centre)
     measured = measure(Frame(jnp.asarray(rgb)[None], VIEW))[0]
     sight = Sight(VIEW, measured, (32.0, 30.0), kernel, SMALL, Pose(4.0), 0.01)
@@ -95,7 +58,7 @@ def test_glare_is_within_1e_3_of_the_pixel_and_of_the_veil(name: str, model: Gla
 @every_frame
 def test_acuity_is_within_3e_5_of_the_pixel_and_2e_7_cd_m2(name: str) -> None:
     """Where a dark pixel takes light from a lamp's edge: rounding of lightness counts three times in luminance."""
-    rgb, exact = of(name)
+    rgb, exact = of_name(name)
     image = np.asarray(acuity.dark_acuity(jnp.asarray(rgb)[None]))[0]
     truth = plain_acuity.fit(exact)
     if name != "sun":
@@ -106,7 +69,7 @@ def test_acuity_is_within_3e_5_of_the_pixel_and_2e_7_cd_m2(name: str) -> None:
 @every_frame
 @every_adapted
 def test_tone_is_within_2e_6(name: str, adapted: float) -> None:
-    rgb, exact = of(name)
+    rgb, exact = of_name(name)
     exposure = plain_adaptation.exposure(adapted)
     image = np.asarray(tone.aces(jnp.asarray(rgb)[None], np.array([exposure]), 100.0))[0]
     np.testing.assert_allclose(image, plain_tone.aces(exact, exposure, 100.0), rtol=2e-6, atol=1e-30)
@@ -132,7 +95,7 @@ HUES = {
 def test_every_tone_operator_is_within_5e_6(name: str, adapted: float, hue: Hue, operator: Operator) -> None:
     if operator is Operator.ACES and hue is Hue.CLIP:
         pytest.skip("the curve of each component: the test above")
-    rgb, exact = of(name)
+    rgb, exact = of_name(name)
     shown = tone.show(jnp.asarray(rgb)[None], [adapted], [adapted], Tone(operator, hue), DISPLAY)
     truth = HUES[hue](OPERATORS[operator](exact, adapted))
     np.testing.assert_allclose(np.asarray(shown)[0], truth, rtol=5e-6, atol=1e-12)
@@ -152,7 +115,7 @@ PLAIN_NIGHT = {
 @every_adapted
 @pytest.mark.parametrize("method", PLAIN_NIGHT)
 def test_night_colour_is_within_its_tolerance(name: str, adapted: float, method: NightMethod) -> None:
-    _, exact = of(name)
+    _, exact = of_name(name)
     exact = plain_tone.aces(exact, plain_adaptation.exposure(adapted), 100.0)
     image = np.asarray(night_colour.shift(jnp.asarray(exact, jnp.float32)[None], [adapted], NightColour(method)))[0]
     truth = PLAIN_NIGHT[method](exact, adapted)
@@ -173,7 +136,7 @@ def test_encoding_is_off_by_one_code_value_in_fewer_than_1_of_10000(black: float
 @pytest.mark.parametrize("name", ["night", "starlight"])
 def test_a_whole_frame_is_within_one_code_value(name: str) -> None:
     """From pixels to code values, all effects: the float64 truth for glare, the plain ones for all else."""
-    rgb, exact = of(name)
+    rgb, exact = of_name(name)
     kernel = mixture(GlareModel.CIE, SMALL, Pose(4.0), 1.0, VIEW.ppd_centre)
     codes, _ = plain_whole.perceived(exact, VIEW, lambda light: reference_glare(light, VIEW, *of_mixture(kernel)))
     glare = Glare(GlareModel.CIE, GlareLevel.FRAME)

@@ -9,11 +9,18 @@ import pytest
 from pipeline import mesopic, threshold
 from pipeline.effects import acuity, adaptation, night_colour, tone
 from pipeline.effects.acuity import larson
+from pipeline.effects.night_colour import tints
 from pipeline.optics import analytic, pupil, radial
 
 
 def test_watson_yellott() -> None:
     assert pupil.watson_yellott_mm(1, 900, 45) == pytest.approx(5.240, abs=5e-4)
+
+
+@pytest.mark.parametrize(("luminance", "pupil_mm"), [(0.01, 6.040), (10.0, 2.908), (1000.0, 2.135)])
+def test_moon_and_spencers_pupil(luminance: float, pupil_mm: float) -> None:
+    """4.9 − 3·tanh(0.4·(log10 L + 1)): the pupil by which rods' colour counts trolands."""
+    assert tints._pupil_mm(luminance) == pytest.approx(pupil_mm, abs=5e-4)
 
 
 @pytest.mark.parametrize(
@@ -141,6 +148,10 @@ def test_the_curves_are_inverted_exactly(peak_cd_m2: float) -> None:
     frame = np.array([full * (1 - 1e-4), full * (1 + 1e-4)], np.float32)
     below, above = np.asarray(tone.aces(np.broadcast_to(frame, (1, 3, 1, 2)), np.array([0.2]), peak_cd_m2))[0, 0, 0]
     assert 0.9999 < below < above == 1
+    # 0.18 through the curve by hand: 0.086724/0.324932 of 100 cd/m², on a brighter display too; a dimmer one is dimmer.
+    grey = np.full((1, 3, 1, 1), 0.18 / 0.2, np.float32)
+    shown_cd_m2 = np.asarray(tone.aces(grey, np.array([0.2]), peak_cd_m2)) * peak_cd_m2
+    assert shown_cd_m2 == pytest.approx(26.690 * min(peak_cd_m2 / 100, 1), rel=2e-5)
 
 
 def test_larsons_scotopic_luminance_of_d65() -> None:
