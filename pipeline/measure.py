@@ -82,8 +82,22 @@ def measure(frame: Frame) -> tuple[Measurement, ...]:
     )
 
 
+def averaged(measured: Measurement) -> Measurement:
+    """A measurement as if every tile were grey and as bright all over as it is on average, its tiles twice as large."""
+    pool = 2 * measured.range_cd_m2.tile_px // measured.tile_px
+    mean = measured.tile_mean_cd_m2.astype(np.float64)
+    for axis in (0, 1):
+        begins = np.arange(0, mean.shape[axis], pool)
+        counts = np.diff(np.append(begins, mean.shape[axis]))
+        mean = np.add.reduceat(mean, begins, axis=axis) / np.expand_dims(counts, 1 - axis)
+    grey = np.broadcast_to(mean, (4, *mean.shape))
+    return dataclasses.replace(measured, range_cd_m2=Range(grey, grey, pool * measured.tile_px))
+
+
 def bright_pixels(frame: Frame, measured: Sequence[Measurement]) -> tuple[int, ...]:
     """How many pixels of each eye's image are sources: SOURCE_RATIO times brighter than its mean."""
+    if all(eye.max_cd_m2 <= SOURCE_RATIO * eye.mean_cd_m2 for eye in measured):
+        return (0,) * len(measured)
     limits = np.array([SOURCE_RATIO * eye.mean_cd_m2 for eye in measured], np.float32)
     return tuple(int(count) for count in _count(frame.rgb_cd_m2, limits))
 

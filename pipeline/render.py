@@ -80,6 +80,8 @@ class Perceived:
     measured: tuple[Measurement, ...]
     pupil_mm: tuple[float, ...]
     """The diameters that were used."""
+    reused: bool
+    """Whether nothing changed that glare depends on, so that it was not computed."""
     milliseconds: dict[str, float]
     """Time of `measure`, the glare's `kernel`, `plan`, each effect that ran, and `encode`, each to its end."""
 
@@ -91,7 +93,9 @@ class Perceived:
         return parts + [
             Timing(step.effect, step.level, megapixels, self.milliseconds[step.effect])
             for step in self.plan
-            if step.effect in self.milliseconds and step.fading_from is None
+            if step.effect in self.milliseconds
+            and step.fading_from is None
+            and not (step.effect is Effect.GLARE and self.reused)
         ]
 
 
@@ -215,7 +219,8 @@ def perceive(
     )
     image = clock.time("encode", lambda: encode(shown, display))
     after = RenderState(adapted_cd_m2, moving, glared, adapted, retinas, planned.choices, elapsed_s)
-    return Perceived(image, shown, plan, after, measured, used_mm, clock.milliseconds)
+    reused = glared is not None and state is not None and glared is state.glared
+    return Perceived(image, shown, plan, after, measured, used_mm, reused, clock.milliseconds)
 
 
 def as_displayed(frame: Frame, display: Display = Display()) -> np.ndarray:
@@ -286,6 +291,7 @@ def _remember(
 
 def _scenery(frame: Frame, measured: Sequence[Measurement], planning: Planning) -> Scenery:
     eyes, _, height, width = frame.rgb_cd_m2.shape
+    # Only within a budget glare of bright pixels alone may be chosen.
     bright = None if planning.budget_ms is None else max(bright_pixels(frame, measured))
     return Scenery(eyes * height * width / 1e6, len(frame.lights), bright)
 

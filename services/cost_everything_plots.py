@@ -21,7 +21,7 @@ SMALLEST_MS = 1e-3
 SMALLEST_ERROR, UNSEEN = 1e-7, 1e-3
 """What is less, and 0, is drawn here: of an effect alone; and of the whole frame, where it is far from seen."""
 RATES_FPS = (90, 60, 30, 5)
-SCENE_COLOURS = ("#26355e", "#4a6fa5", "#c8553d", "#b8860b", "#8a5aa8", "#7a8b8b", "#3a8f5a", "#e0a100")
+SCENE_COLOURS = ("#26355e", "#4a6fa5", "#c8553d", "#b8860b", "#8a5aa8", "#7a8b8b", "#3a8f5a", "#d6409f")
 
 
 def by_setting(rows: Sequence[Row], effect: str) -> list[list[Row]]:

@@ -41,12 +41,15 @@ def load(path: Path | None) -> Settings:
 def planned(settings: Settings, budget_ms: float | None, everything: bool, without: Sequence[str]) -> Settings:
     """The settings with what the command line says of planning. Raises SettingsError for an effect that is none."""
     given = {
-        **({} if budget_ms is None else {"budget_ms": budget_ms}),
-        **({"everything": True} if everything else {}),
+        # Of what excludes each other, the command line's counts; unless it says both.
+        **({} if budget_ms is None else {"budget_ms": budget_ms, "everything": everything}),
+        **({"everything": True, "budget_ms": budget_ms} if everything else {}),
         **({"leave_out": list(without)} if without else {}),
     }
     try:
         plan = msgspec.convert({**msgspec.to_builtins(settings.plan), **given}, Planning)
     except msgspec.ValidationError as error:
-        raise SettingsError(f"--without: {error}; there are {', '.join(LEAVABLE)}") from None
+        raise SettingsError(
+            f"--budget-ms, --everything, --without: {error}; effects are {', '.join(LEAVABLE)}"
+        ) from None
     return msgspec.structs.replace(settings, plan=plan)

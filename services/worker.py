@@ -12,8 +12,9 @@ import structlog
 from msgspec.structs import replace
 
 from pipeline import Frame, GlareLevel, Looking, Perceived, Planning, RenderState, View, perceive
-from pipeline.budget import SHIPPED, CostModel, corrected
+from pipeline.budget import SHIPPED, Choice, CostModel, corrected
 from pipeline.optics.living import Kick
+from pipeline.plan import SKIPPED
 from pipeline.scenes import Head, Scene
 from pipeline.scenes.head_path import HeadPath
 from services.options import Save
@@ -167,7 +168,7 @@ def _warm_up(scene: Scene, settings: WorkerSettings, perception: Settings) -> fl
     """Compiles the scene and every effect before the clock runs; returns the seconds it took.
 
     A lamp too bright for float32 compiles another way of glare, a pupil between two computed ones makes a kernel of
-    two, and a budget may choose other levels.
+    two, a budget may choose other levels, and dark tiles alone and fades are compiled apart.
     """
     begun = time.perf_counter()
     scene.frame(0.0, settings.view, Head(), settings.eyes).rgb_cd_m2.block_until_ready()
@@ -179,6 +180,12 @@ def _warm_up(scene: Scene, settings: WorkerSettings, perception: Settings) -> fl
         lamp[:, :, settings.view.height_px // 2, settings.view.width_px // 2] = lamp_cd_m2
         frame = Frame.from_rgb(lamp, settings.view.fov_deg)
         _perceive(frame, (Looking(pupil_mm=4.1),) * len(settings.eyes), asked, None, 0.0)
+    lamp[:] = 100.0
+    lamp[:, :, : settings.view.height_px // 8, : settings.view.width_px // 8] = 1e-3
+    bright = Frame.from_rgb(lamp, settings.view.fov_deg)
+    fading = {"acuity": Choice(perception.acuity.method.value, 0.0, SKIPPED, 0.5)}
+    before = RenderState((1.0,) * len(settings.eyes), choices=fading)
+    _perceive(bright, (Looking(pupil_mm=4.0),) * len(settings.eyes), perception, before, 0.0)
     return time.perf_counter() - begun
 
 

@@ -7,6 +7,7 @@ from where it arises through all later effects to the display's code values.
 from __future__ import annotations
 
 import dataclasses
+import functools
 from collections.abc import Callable, Mapping
 
 import numpy as np
@@ -20,7 +21,7 @@ from pipeline.effects.glare.kernel import least_stays
 from pipeline.effects.night_colour import bounds as night_colour
 from pipeline.effects.settings import Effects
 from pipeline.frame import Display
-from pipeline.measure import Measurement
+from pipeline.measure import Measurement, averaged
 from pipeline.plan.steps import SKIPPED, Effect
 from pipeline.ranges import Change, Range
 
@@ -62,6 +63,7 @@ class Chain:
     """One eye's effects, and what may stand in each tile before each of them."""
 
     def __init__(self, eye: Eye, effects: Effects, display: Display) -> None:
+        self._asked = eye, effects, display
         self._display = display
         self._before: dict[Effect, tuple[Stage, Range]] = {}
         self._alone: dict[tuple[Effect, str], Change] = {}
@@ -74,6 +76,12 @@ class Chain:
         self._shown = range_
         self.dark = acuity.dark_tiles(self._before[Effect.ACUITY][1], eye.measured.view.ppd_centre, effects.acuity)
         """Tiles (row, column) that may hold a pixel dark enough for acuity."""
+
+    @functools.cached_property
+    def typical(self) -> Chain:
+        """The same of a frame whose tiles are as bright all over as these on average: no bounds, but likely errors."""
+        eye, effects, display = self._asked
+        return Chain(dataclasses.replace(eye, measured=averaged(eye.measured)), effects, display)
 
     def _add(self, stage: Stage, range_: Range) -> Range:
         self._before[stage.effect] = stage, range_
@@ -121,8 +129,7 @@ def _scene_stages(eye: Eye, effects: Effects) -> list[Stage]:
     most = kernel + changes.veil(eye.kernel, measured, eye.ceiling_cd_m2)
 
     def of_sources(range_: Range) -> Change:
-        # Neither scatters all light, and by the veil alone both differ from it by no more than their kernels.
-        return kernel + changes.lesser(*glare, GlareLevel.SOURCES, eye.ceiling_cd_m2)
+        return changes.short_of_sources(*glare, effects.glare.level, eye.ceiling_cd_m2)
 
     stages = [
         Stage(

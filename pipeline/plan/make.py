@@ -59,8 +59,8 @@ def make_plan(
 
     An effect runs on all eyes' images if any eye calls for it. Each is left out, or done at its cheapest level, whose
     bound is within the tolerance; glare also where it stays below the threshold of an eye so adapted. Under a budget,
-    the plan of least predicted error that fits: up to the tolerance errors count nothing, beyond it by their mean over
-    the tiles' bounds.
+    the plan of least predicted error that fits: up to the tolerance errors count nothing, beyond it what they would be
+    on average if every tile were as bright all over as it is on average.
     """
     plain = planning.everything and not planning.leave_out
     chains = [] if plain else [Chain(eye, effects, display) for eye in eyes]
@@ -82,7 +82,11 @@ def make_plan(
         if set(choices[effect.value].weights) != {_full_level(effect, effects)}
     }
     steps = [_step(effect, choices.get(effect.value), eyes, scenery, effects, planning, found) for effect in Effect]
-    bound = max(float(chain.code_values(weights).max()) for chain in chains) if weights else 0.0
+    bound = 0.0
+    if weights and scenery.lights:
+        bound = math.inf
+    elif weights:
+        bound = max(float(chain.code_values(weights).max()) for chain in chains)
     dark = None if planning.everything else np.any([chain.dark for chain in chains], axis=0)
     return Planned(Plan(tuple(steps), bound), choices, dark)
 
@@ -136,12 +140,15 @@ def _lesser(
     found: dict[tuple[Effect, str], Lesser] = {}
     for effect in choosable:
         held = before[effect].weights if effect in before else {}
-        for level in _open(effect, scenery, effects, planning, held):
+        levels = [SKIPPED] if effect in planning.leave_out else _open(effect, scenery, effects, held)
+        for level in levels:
             of_eyes = [
                 _lesser_of(eye, chain, effect, level, effects, planning)
                 for eye, chain in zip(eyes, chains, strict=True)
             ]
-            found[effect, level] = max(of_eyes, key=lambda lesser: lesser.error_code_values)
+            worst = max(of_eyes, key=lambda lesser: lesser.error_code_values)
+            most = max(lesser.bound_code_values for lesser in of_eyes)
+            found[effect, level] = dataclasses.replace(worst, bound_code_values=most)
             if found[effect, level].error_code_values <= planning.tolerance_code_values and not held.keys() - {
                 SKIPPED,
                 _full_level(effect, effects),
@@ -150,14 +157,17 @@ def _lesser(
     return found
 
 
-def _open(
-    effect: Effect, scenery: Scenery, effects: Effects, planning: Planning, held: Mapping[str, float]
-) -> list[str]:
-    """The levels that may stand in for the one asked for, cheapest first."""
+def _open(effect: Effect, scenery: Scenery, effects: Effects, held: Mapping[str, float]) -> list[str]:
+    """The levels that may stand in for the one asked for, cheapest first.
+
+    Lights of their own are in no range: beside them nothing can be proven, and nothing is left out.
+    """
+    if scenery.lights:
+        return []
     if effect is not Effect.GLARE:
         return [SKIPPED]
     asked = effects.glare.level
-    if scenery.lights or asked is GlareLevel.REFERENCE:
+    if asked is GlareLevel.REFERENCE:
         return []
     levels = [SKIPPED]
     if asked is not GlareLevel.VEIL:
@@ -181,6 +191,9 @@ def _lesser_of(eye: Eye, chain: Chain, effect: Effect, level: str, effects: Effe
         # As much within the tolerance as it is below the threshold.
         error = tolerance * change_cd_m2 / threshold_cd_m2
     else:
+        if planning.budget_ms is not None:
+            # A bound is the same for all of a lamp's tile: effects are weighed by what tiles hold on average.
+            of_tiles = chain.typical.code_values({effect: {level: 1.0}})
         error = max(float(of_tiles.mean()), math.nextafter(tolerance, math.inf))
     return Lesser(eye, chain, error, worst, change_cd_m2, threshold_cd_m2)
 
@@ -223,6 +236,8 @@ def _step(
         return Step(effect, full, reason_of(effect, full, eyes, scenery.lights, effects, planning, found))
     lesser = [found.get((effect, level)) for level in choice.weights if level != full]
     bound = max((one.bound_code_values for one in lesser if one is not None), default=0.0)
+    if lesser and scenery.lights:
+        bound = math.inf
     reason = reason_of(effect, choice.level, eyes, scenery.lights, effects, planning, found)
     if choice.fade_from is not None:
         reason += f"; {choice.fade:.0%} of the way from {choice.fade_from}"

@@ -45,6 +45,8 @@ def reason_of(
     found: Found,
 ) -> str:
     """Why an effect is at this level."""
+    if effect in planning.leave_out:
+        return "left out as asked"
     match effect:
         case Effect.ADAPTATION:
             return f"adapted to {_list([eye.adapted.luminance_cd_m2 for eye in eyes])} cd/m²"
@@ -52,17 +54,20 @@ def reason_of(
             return "every display needs it"
         case Effect.GLARE if lights:
             return f"{lights} {'lights of their own are' if lights > 1 else 'light of its own is'} drawn with it"
-    if effect in planning.leave_out:
-        return "left out as asked"
     if planning.everything:
         return "everything was asked for"
     # What decides: the level that it is at, or else the one that it is too much for.
     lesser = found.get((effect, level)) or found.get((effect, SKIPPED))
     if lesser is None:
-        return "it was asked for"
+        return "beside lights of their own nothing is left out" if lights else "it was asked for"
     why = _seen(effect, lesser.eye, effects)
     if (effect, level) not in found:
-        return f"{why}: without it, {_change(effect, lesser)}"
+        stays = (
+            "; it stays until that has lasted 0.5 s"
+            if lesser.error_code_values <= planning.tolerance_code_values
+            else ""
+        )
+        return f"{why}: without it, {_change(effect, lesser)}{stays}"
     short = "without it" if level == SKIPPED else f"with no more than {level}"
     fits = lesser.error_code_values <= planning.tolerance_code_values
     within = "" if fits or planning.budget_ms is None else f"; more does not fit {planning.budget_ms:g} ms"

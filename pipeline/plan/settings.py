@@ -28,3 +28,5 @@ class Planning(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     def __post_init__(self) -> None:
         if needed := self.leave_out - set(LEAVABLE):
             raise ValueError(f"{', '.join(sorted(needed))} cannot be left out: no picture does without")
+        if self.everything and self.budget_ms is not None:
+            raise ValueError("everything and budget_ms exclude each other: choose one")

@@ -49,7 +49,8 @@ class Step:
         """The levels to compute and their weights, which add up to 1."""
         if self.fading_from is None:
             return {self.level: 1.0}
-        return {self.level: self.fade, self.fading_from: 1 - self.fade}
+        both = {self.level: self.fade, self.fading_from: 1 - self.fade}
+        return {level: weight for level, weight in both.items() if weight}
 
 
 @dataclasses.dataclass(frozen=True)

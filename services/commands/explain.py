@@ -11,7 +11,7 @@ from msgspec.structs import replace
 from rich.markup import escape
 from rich.progress import Progress
 
-from services.commands.render import _direction, _light
+from services.commands.render import direction_of, light_of
 from services.options import Fov, Height, MeanLuminance, SettingsFile, Width
 from services.process import cache_folder, prepare_jax
 from services.terminal import console
@@ -64,6 +64,7 @@ def explain(
     """
     prepare_jax()
     from pipeline import FrameError, Looking
+    from pipeline.budget import SHIPPED
     from pipeline.budget import load as load_costs
     from services.explain import page, subject, timeline, variants
     from services.settings import load
@@ -74,18 +75,29 @@ def explain(
         raise FrameError(f"--frame {frame}: {target} is no session; leave --frame out, or name a session's folder")
     course = None
     if session:
+        given = {
+            "--pupil-mm": pupil_mm,
+            "--adaptation": adaptation,
+            "--mean-luminance": mean_luminance,
+            "--width": width,
+            "--height": height,
+            "--light": light or None,
+            "--gaze": None if gaze == "0,0" else gaze,
+        }
+        if ignored := [name for name, value in given.items() if value is not None]:
+            raise FrameError(f"{', '.join(ignored)}: of a session they are those of its frame; leave them out")
         seen = subject.from_session(Path(target), frame, None if settings is None else load(settings))
         course = timeline.read(Path(target) / subject.PLAN)
     else:
         seen = subject.from_image(
             target,
             load(settings),
-            Looking(*_direction(gaze), pupil_mm),
+            Looking(*direction_of(gaze), pupil_mm),
             adaptation,
             fov,
             mean_luminance,
             (width, height),
-            tuple(_light(text) for text in light),
+            tuple(light_of(text) for text in light),
         )
     used = seen.settings
     if age is not None:
@@ -95,8 +107,10 @@ def explain(
     seen = dataclasses.replace(seen, settings=used)
     for note in seen.notes:
         console.print(f"• {escape(note)}")
+    # An offline session was planned with the shipped costs.
+    costs = SHIPPED if session and budget_ms is None else load_costs(cache_folder())
     with Progress(console=console, transient=True, disable=not console.is_terminal) as progress:
         bar = progress.add_task("perceiving", total=variants.variants())
-        explained = variants.explain(seen, lambda: progress.update(bar, advance=1), load_costs(cache_folder()))
+        explained = variants.explain(seen, lambda: progress.update(bar, advance=1), costs)
     page.write(output, seen, explained, course)
     console.print(f"wrote [b]{escape(str(output))}[/b]", soft_wrap=True)

@@ -86,17 +86,18 @@ def render(
         image,
         output,
         replace(loaded, observer=observer, display=display, glare=chosen),
-        Looking(*_direction(gaze), pupil_mm),
+        Looking(*direction_of(gaze), pupil_mm),
         adaptation,
         fov,
         mean_luminance,
         (width, height),
-        tuple(_light(text) for text in light),
+        tuple(light_of(text) for text in light),
         console,
     )
 
 
-def _light(text: str) -> Light:
+def light_of(text: str) -> Light:
+    """The light that `--light` names. Raises BadParameter."""
     from pipeline import Light
 
     parts = text.split(",")
@@ -112,7 +113,8 @@ def _light(text: str) -> Light:
         ) from None
 
 
-def _direction(text: str) -> tuple[float, float]:
+def direction_of(text: str) -> tuple[float, float]:
+    """The direction that `--gaze` names, azimuth and elevation in degrees. Raises BadParameter."""
     try:
         azimuth_deg, elevation_deg = (float(part) for part in text.split(","))
     except ValueError:

@@ -41,6 +41,8 @@ def refuse_unwritable(path: Path) -> None:
     """Raises FrameError for a path that no picture can be written to, before any work is done."""
     if path.suffix.lower() != ".png":
         raise FrameError(f"output {path}: the picture is written as PNG; name it {path.with_suffix('.png')}")
+    if path.is_dir():
+        raise FrameError(f"output {path}: that is a folder; name a file in it")
     if not path.parent.is_dir():
         raise FrameError(f"output {path}: there is no folder {path.parent}; make it first")
 

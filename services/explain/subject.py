@@ -116,7 +116,7 @@ def _json(path: Path) -> Any:
 def _row(path: Path, number: int) -> Mapping[str, str]:
     with path.open(newline="", encoding="utf-8") as stream:
         for row in csv.DictReader(stream):
-            if int(row["frame"]) == number:
+            if row.get("frame") == str(number):
                 return row
     raise FrameError(f"{path} has no frame {number}; is the session whole?")
 

@@ -9,8 +9,10 @@ import numpy as np
 from jaxtyping import Float
 from msgspec.structs import replace
 
-from pipeline import Effect, Perceived, Planning, RenderState, perceive
+from pipeline import Effect, GlareLevel, Perceived, Planning, RenderState, perceive
 from pipeline.budget import SHIPPED, CostModel
+from pipeline.effects.encode import srgb_codes
+from pipeline.plan import SKIPPED
 from services.explain.subject import Subject
 
 ALWAYS = frozenset({Effect.ADAPTATION, Effect.TONE})
@@ -67,9 +69,16 @@ def explain(subject: Subject, done: Callable[[], None] = lambda: None, costs: Co
     full = _perceive(subject, Planning(everything=True), costs)
     done()
     touched = {}
+    glare = planned.plan[Effect.GLARE].level
+    settings = subject.settings
+    if glare != SKIPPED:
+        settings = replace(settings, glare=replace(settings.glare, level=GlareLevel(glare)))
+    as_planned = dataclasses.replace(subject, settings=settings)
     for step in planned.plan:
         if step.runs and step.effect not in ALWAYS:
-            without = _perceive(subject, replace(planning, leave_out=planning.leave_out | {step.effect}), costs)
+            # The others as they were: what a budget saves here is spent on none of them.
+            left_out = frozenset(one.effect for one in planned.plan if one.level == SKIPPED) | {step.effect}
+            without = _perceive(as_planned, Planning(everything=True, leave_out=left_out), costs)
             touched[step.effect] = Touch(np.abs(code_values(planned) - code_values(without)).max(-1))
         done()
     return Explained(planned, full, touched)
@@ -81,9 +90,10 @@ def variants() -> int:
 
 
 def code_values(perceived: Perceived) -> Float[np.ndarray, "eye y x 3"]:
-    """What the display is sent, in code values; of a linear image 255 to the display's peak."""
-    image = perceived.image
-    return image.astype(np.float64) * (255.0 if np.issubdtype(image.dtype, np.floating) else 1.0)
+    """What the display is sent, in code values; of a linear image those of sRGB."""
+    if not np.issubdtype(perceived.image.dtype, np.floating):
+        return perceived.image.astype(np.float64)
+    return np.asarray(srgb_codes(perceived.linear, 0.0), np.float64)
 
 
 def _perceive(subject: Subject, planning: Planning, costs: CostModel) -> Perceived:

@@ -18,7 +18,7 @@ from pipeline.effects.glare.kernel import Mixture, Veil
 from pipeline.effects.glare.settings import GlareLevel
 from pipeline.effects.glare.veil import amounts
 from pipeline.effects.glare.window import falloff, float32_limit_cd_m2, window_of
-from pipeline.frame import View
+from pipeline.frame import LUMINANCE_WEIGHTS, View
 from pipeline.measure import SOURCE_RATIO, Measurement
 from pipeline.optics import radial
 from pipeline.ranges import Change, Range
@@ -50,7 +50,44 @@ def lesser(
     if ceiling_cd_m2 is not None or asked is GlareLevel.SOURCES:
         above = max(ceiling_cd_m2 or 0.0, SOURCE_RATIO * measured.mean_cd_m2 if asked is GlareLevel.SOURCES else 0.0)
         low, high = np.zeros_like(low), np.where(range_.high[3] > above, high, 0)
-    tile_px = range_.tile_px
+    return _of_light(low, high, kernel, measured, gaze_px, asked)
+
+
+def short_of_sources(
+    kernel: Mixture,
+    measured: Measurement,
+    gaze_px: tuple[float, float],
+    asked: GlareLevel,
+    ceiling_cd_m2: float | None = None,
+) -> Change:
+    """The most that the level `sources`, if it takes all of them, differs from the level asked for, in cd/m².
+
+    It leaves out what is no source; and it scatters sources in full where a window weighs them.
+    """
+    range_ = measured.range_cd_m2
+    above = SOURCE_RATIO * measured.mean_cd_m2
+    holds = range_.high[3] > above
+    rest = np.minimum(range_.high[:3], above / np.array(LUMINANCE_WEIGHTS)[:, None, None])
+    low = np.where(holds, 0, range_.low[:3]) if ceiling_cd_m2 is None else np.zeros_like(rest)
+    change = _of_light(low, np.where(holds, rest, range_.high[:3]), kernel, measured, gaze_px, asked)
+    if asked is GlareLevel.WINDOW and holds.any():
+        _, farthest = _away(measured.view, gaze_px, range_.tile_px, holds.shape)
+        beyond = 1 - falloff(farthest / _reach_px(measured.view, kernel))
+        sources = np.where(holds, range_.high[:3] * beyond, 0)
+        change = change + _of_light(np.zeros_like(sources), sources, kernel, measured, gaze_px, GlareLevel.SOURCES)
+    return change
+
+
+def _of_light(
+    low: NDArray[np.float64],
+    high: NDArray[np.float64],
+    kernel: Mixture,
+    measured: Measurement,
+    gaze_px: tuple[float, float],
+    asked: GlareLevel,
+) -> Change:
+    """The most that the kernels of light in this range change of each tile."""
+    tile_px = measured.range_cd_m2.tile_px
     change, ring_low, ring_high, reach = np.zeros((4, *low.shape[1:])), low.copy(), high, 0
     # A tile that the frame's edge cuts is dark beyond it.
     if measured.view.height_px % tile_px:
@@ -66,7 +103,7 @@ def lesser(
     if asked is GlareLevel.WINDOW:
         change = _in_window(change, high, kernel, measured.view, gaze_px, tile_px)
     if asked in (GlareLevel.WINDOW, GlareLevel.FRAME):
-        change += ROUNDED * min(float(range_.high.max()), float32_limit_cd_m2(measured))
+        change += ROUNDED * min(float(measured.range_cd_m2.high.max()), float32_limit_cd_m2(measured))
     return change
 
 
@@ -136,21 +173,31 @@ def _in_window(
     """The same where light is weighed by a window's falloff w: w(q)·L(q) − w(p)·L(p), of a pixel p and those around it,
     is w(q)·(L(q) − L(p)), and L(p)·(w(q) − w(p)), which is no more than the falloff's slope times their distance.
     """
-    radius_px = kernel[0][0].scatters.shape[2] // 2
-    reach_px = window_of(view, radius_px).reach_px
-    nearest, farthest = [], []
-    for count, gaze, size in zip(change.shape[1:], gaze_px[::-1], (view.height_px, view.width_px), strict=True):
-        begin, end = np.arange(count) * tile_px - gaze, np.minimum(np.arange(1, count + 1) * tile_px, size) - gaze
-        nearest.append(np.maximum(np.maximum(begin, -end), 0))
-        farthest.append(np.maximum(np.abs(begin), np.abs(end)))
-    reach = math.sqrt(2) * radius_px
-    near, far = (np.hypot(down[:, None], right) for down, right in (nearest, farthest))
-    near, far = np.maximum(near - reach, 0) / reach_px, (far + reach) / reach_px
+    reach_px = _reach_px(view, kernel)
+    kernel_px = math.sqrt(2) * (kernel[0][0].scatters.shape[2] // 2)
+    nearest, farthest = _away(view, gaze_px, tile_px, change.shape[1:])
+    near, far = np.maximum(nearest - kernel_px, 0) / reach_px, (farthest + kernel_px) / reach_px
     # The falloff is steepest halfway, at three quarters of the reach.
     at = np.clip(0.75, near, far)
     slope = np.where((at > 0.5) & (at < 1), STEEPEST * 16 * (at - 0.5) * (1 - at), 0) / reach_px
     moment_px = np.sum([weight * component.moment_px for component, weight in kernel], axis=0)
     return np.asarray(falloff(near) * change + slope * np.einsum("oi,iyx->oyx", moment_px, high))
+
+
+def _reach_px(view: View, kernel: Mixture) -> float:
+    return window_of(view, kernel[0][0].scatters.shape[2] // 2).reach_px
+
+
+def _away(
+    view: View, gaze_px: tuple[float, float], tile_px: int, shape: tuple[int, ...]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """How far from the gaze the nearest and the farthest pixel of each tile are at least and at most."""
+    nearest, farthest = [], []
+    for count, gaze, size in zip(shape, gaze_px[::-1], (view.height_px, view.width_px), strict=True):
+        begin, end = np.arange(count) * tile_px - gaze, np.minimum(np.arange(1, count + 1) * tile_px, size) - gaze
+        nearest.append(np.maximum(np.maximum(begin, -end), 0))
+        farthest.append(np.maximum(np.abs(begin), np.abs(end)))
+    return np.hypot(nearest[0][:, None], nearest[1]), np.hypot(farthest[0][:, None], farthest[1])
 
 
 def _rings(kernel: Mixture, tile_px: int) -> list[tuple[int, NDArray[np.float64]]]:

@@ -1,7 +1,10 @@
 """Skipping is safe: what was planned differs nowhere from everything in full by more than the plan says."""
 
+import dataclasses
+import math
 from pathlib import Path
 
+import jax.numpy as jnp
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -15,6 +18,7 @@ from pipeline import (
     Glare,
     GlareLevel,
     GlareModel,
+    Light,
     Looking,
     Observer,
     Perceived,
@@ -22,6 +26,7 @@ from pipeline import (
     RenderState,
     perceive,
 )
+from pipeline.budget import Choice
 from pipeline.cost.scenes import SCENES, scene
 from pipeline.effects.acuity import Acuity, AcuityMethod
 from pipeline.effects.afterimage import Afterimage
@@ -103,11 +108,7 @@ def test_on_real_frames_from_starlight_to_daylight(path: Path) -> None:
         ),
         acuity=st.builds(Acuity, method=st.sampled_from(AcuityMethod)),
         rod_noise=st.builds(RodNoise, on=st.booleans()),
-        tone=st.builds(
-            Tone,
-            operator=st.sampled_from([op for op in Operator if op is not Operator.CURVE]),
-            hue=st.sampled_from(Hue),
-        ),
+        tone=st.builds(Tone, operator=st.sampled_from(WITHOUT_FILE), hue=st.sampled_from(Hue)),
         night_colour=st.builds(NightColour, method=st.sampled_from(NightMethod)),
         afterimage=st.builds(Afterimage, on=st.booleans()),
     ),
@@ -161,3 +162,51 @@ def test_a_display_in_hdr_plans_in_its_own_codes() -> None:
     assert planned.image.dtype == np.uint16
     off = np.abs(planned.image.astype(int) - full.image.astype(int)).max()
     assert off <= planned.plan.bound_code_values + 1
+
+
+def test_beside_lights_of_their_own_nothing_is_left_out() -> None:
+    """They are in no pixel, so no range knows of them."""
+    frame = Frame.from_rgb(np.full((64, 64, 3), 0.3), 60.0)
+    lit = dataclasses.replace(frame, lights=(Light(3.0, 2.0, 5.0, 0.3, "LED-B3"),))
+    planned, full = planned_and_full(lit, Looking(pupil_mm=4.0), state=RenderState((3.0,)))
+    assert differs(planned, full) == planned.plan.bound_code_values == 0
+    bare = perceive(lit, observer=EYE, planning=Planning(leave_out=frozenset({Effect.GLARE})))
+    assert bare.plan[Effect.GLARE].reason == "left out as asked"
+    assert bare.plan.bound_code_values == math.inf
+
+
+def test_of_two_eyes_the_bounds_are_those_of_the_worse() -> None:
+    one = scene("bright room", 180, 200).frame
+    both = dataclasses.replace(one, rgb_cd_m2=jnp.concatenate([one.rgb_cd_m2, 0.05 * one.rgb_cd_m2]))
+    plan = holds(both, Looking(pupil_mm=3.0)).plan
+    alone = [
+        perceive(dataclasses.replace(one, rgb_cd_m2=k * one.rgb_cd_m2), Looking(pupil_mm=3.0), observer=EYE).plan
+        for k in (1.0, 0.05)
+    ]
+    if plan[Effect.GLARE].level == SKIPPED:
+        assert plan[Effect.GLARE].bound_code_values >= max(of[Effect.GLARE].bound_code_values for of in alone) * 0.999
+
+
+@pytest.mark.parametrize("name", ["bright room", "moonlight", "night street"])
+@pytest.mark.parametrize("fade", [0.2, 0.7])
+def test_between_two_levels_the_bound_holds_too(name: str, fade: float) -> None:
+    frame = scene(name, 90, 100).frame
+    choices = {
+        "glare": Choice("window", 0.0, "veil", fade),
+        "acuity": Choice("fit", 0.0, SKIPPED, fade),
+        "night_colour": Choice("lui", 0.0, SKIPPED, fade),
+    }
+    full = perceive(frame, Looking(pupil_mm=4.0), observer=EYE, planning=Planning(everything=True))
+    before = dataclasses.replace(full.state, choices=choices, glared=None)
+    passing = perceive(frame, Looking(pupil_mm=4.0), observer=EYE, state=before)
+    assert any(step.fading_from for step in passing.plan)
+    again = perceive(frame, Looking(pupil_mm=4.0), observer=EYE, state=before, planning=Planning(everything=True))
+    assert differs(passing, again) <= passing.plan.bound_code_values + ROUNDING
+
+
+@pytest.mark.parametrize("budget_ms", [0.5, 3.0, 20.0])
+def test_within_a_budget_what_is_paid_is_said(budget_ms: float) -> None:
+    frame = scene("night street", 180, 200).frame
+    full = perceive(frame, Looking(pupil_mm=5.0), observer=EYE, planning=Planning(everything=True))
+    planned = perceive(frame, Looking(pupil_mm=5.0), observer=EYE, planning=Planning(budget_ms=budget_ms))
+    assert differs(planned, full) <= planned.plan.bound_code_values + ROUNDING
