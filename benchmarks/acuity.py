@@ -80,7 +80,7 @@ def figure(path: str) -> None:
     for scale in (9.82, 30.0, 60.0):
         widths.semilogx(y, larson.variance_px2(y, scale, True) ** 0.5, label=f"krawczyk, {scale:g} pixels per degree")
     widths.set(xlabel="cd/m²", ylabel="σ in pixels", ylim=(0, 8), title="Width of the blur")
-    widths.legend()
+    widths.legend(loc="upper center", bbox_to_anchor=(0.5, -0.13), ncols=2, frameon=False)
     for place, (name, settings) in zip(places.flat[1:], methods.items(), strict=True):
         seen = frame if settings is None else reduce_acuity(frame, ppd, settings)
         shown = np.clip(np.asarray(seen)[0].transpose(1, 2, 0) / 0.02, 0, 1) ** (1 / 2.2)

@@ -38,7 +38,7 @@ def _plot_lamp() -> Figure:
             panel.plot(t_s, exposures(frames, how), color="#c8553d", label="means of tiles")
             panel.plot(t_s, exposures(frames, how, targets.LIMIT), color="#2a6fbb", label="means of tiles, robust")
             panel.set_title(f"target {target}, course {course}, {'blinking at 5 Hz' if blinks else 'steady'}", size=10)
-            panel.set_ylabel("exposure / stops" if column == 0 else "")
+            panel.set_ylabel("exposure / stops from 1/(cd/m²)" if column == 0 else "")
             panel.grid(alpha=0.3)
     axes[1][1].legend(frameon=False, fontsize=9, loc="lower left")
     figure.supxlabel("time / s: a lamp of 0.3° and 3e4 cd/m² crosses a view of 0.05 cd/m², 30° a second", fontsize=10)

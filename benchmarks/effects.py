@@ -9,6 +9,7 @@ import scipy.fft
 from benchmarks.table import interleaved, show
 from pipeline import Glare, GlareLevel, GlareModel, Looking, Observer, RenderState, View, perceive
 from pipeline.effects import acuity, night_colour, tone
+from pipeline.effects.encode import srgb_codes
 from pipeline.effects.glare import Sight, mixture, scatter
 from pipeline.measure import measure
 from pipeline.optics.aperture import Pose
@@ -56,7 +57,7 @@ def main(rounds: int = 15) -> None:
         "acuity": lambda: wait(acuity.dark_acuity(rgb)),
         "tone": lambda: wait(tone.aces(rgb, np.array([0.3]), 100.0)),
         "night colour": lambda: wait(night_colour.night_tint(shown, np.array([0.5]))),
-        "encode": lambda: np.asarray(tone.encode(shown, 0.0)),
+        "encode": lambda: np.asarray(srgb_codes(shown, 0.0)),
         "whole frame, every effect called for": lambda: perceive(
             frame, Looking(pupil_mm=5.1), observer=observer, state=state
         ),

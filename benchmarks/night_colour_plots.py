@@ -13,6 +13,7 @@ from matplotlib.figure import Figure
 
 from pipeline import mesopic
 from pipeline.effects import adaptation, rod_noise, tone
+from pipeline.effects.encode import srgb_codes
 from pipeline.effects.night_colour import NightColour, NightMethod, shift
 from pipeline.effects.night_colour.share import adapted_share
 from pipeline.frame import View
@@ -75,7 +76,7 @@ def _plot_patches() -> Figure:
     for row, (name, settings) in enumerate(WAYS.items()):
         for column, adapted_cd_m2 in enumerate(LEVELS_CD_M2):
             panel = axes[row][column]
-            panel.imshow(np.asarray(tone.encode(shift(patches, [adapted_cd_m2], settings), 0.0))[0])
+            panel.imshow(np.asarray(srgb_codes(shift(patches, [adapted_cd_m2], settings), 0.0))[0])
             panel.set(xticks=[], yticks=[])
             if row == 0:
                 panel.set_title(f"adapted to {adapted_cd_m2:g} cd/m²", size=10)
@@ -95,7 +96,7 @@ def _plot_street() -> Figure:
     shown["bar, per pixel"] = shift(displayed, [STREET_CD_M2], NightColour(NightMethod.BAR, per_pixel=True), scene)
     figure = Figure(figsize=(10, 8.2), layout="constrained")
     for panel, (name, image) in zip(figure.subplots(3, 2).flat, shown.items(), strict=True):
-        panel.imshow(np.asarray(tone.encode(image, 0.0))[0])
+        panel.imshow(np.asarray(srgb_codes(image, 0.0))[0])
         panel.set_title(name, size=10)
         panel.set_axis_off()
     return figure
@@ -115,7 +116,7 @@ def _plot_noise() -> Figure:
         # Shown as bright as by day, so that it can be printed.
         image = tone.aces(noisy, np.array([0.18 / mean_cd_m2]), 100.0)
         panel = figure.add_subplot(grid[0, column])
-        panel.imshow(np.asarray(tone.encode(shift(image, [mean_cd_m2], NightColour()), 0.0))[0])
+        panel.imshow(np.asarray(srgb_codes(shift(image, [mean_cd_m2], NightColour()), 0.0))[0])
         panel.set_title(f"mean {mean_cd_m2:g} cd/m²", size=10)
         panel.set_axis_off()
     panel = figure.add_subplot(grid[1, :])

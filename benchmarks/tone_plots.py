@@ -12,6 +12,7 @@ from matplotlib.figure import Figure
 from benchmarks.tone import OWN_CURVE, tones
 from pipeline import View
 from pipeline.effects import tone
+from pipeline.effects.encode import srgb_codes
 from pipeline.effects.tone import Hue, Operator, Tone
 from pipeline.frame import Display
 from pipeline.scenes import Head, open_scene
@@ -84,7 +85,7 @@ def _plot_scene(curve: str) -> Figure:
     figure = Figure(figsize=(15, 6.6), layout="constrained")
     for panel, (name, (settings, adapted)) in zip(figure.subplots(2, 4).flat, plans.items(), strict=True):
         shown = tone.show(rgb, [adapted], [0.3], settings, Display())
-        panel.imshow(np.asarray(tone.encode(shown, 0.0))[0])
+        panel.imshow(np.asarray(srgb_codes(shown, 0.0))[0])
         panel.set_title(name, size=11)
         panel.axis("off")
     return figure

@@ -78,7 +78,7 @@ def scotopic_luminance(rgb: Float[Array, "*eye 3 y x"]) -> Float[Array, "*eye y 
 
 
 def larson_ratio(others_per_x: Values) -> Values:
-    """V/Y guessed from (Y + Z)/X: 1.33·(1 + (Y + Z)/X) − 1.68 (Larson 1997; KRI prints the fraction upside down, E4)."""
+    """V/Y guessed from (Y + Z)/X: 1.33·(1 + (Y + Z)/X) − 1.68 (Larson 1997; KRI prints it upside down, E4)."""
     factor, offset = LARSON
     return factor * (1 + others_per_x) - offset
 

@@ -75,7 +75,7 @@ def scene(name: str, width_px: int, height_px: int, fov_deg: float = 104.0) -> C
 
 
 def night_street(shrink: int = 1) -> CostScene:
-    """The embedded scene, 0.003 to 4e4 cd/m², over 104°."""
+    """The embedded scene, 0.003 to 1.2e4 cd/m², over 104°."""
     view = View(720 // shrink, 800 // shrink)
     return CostScene("night street", _street(view))
 

@@ -16,6 +16,8 @@ P3_CICP, PQ_CICP = (12, 13, 0, 1), (9, 16, 0, 1)
 """Primaries, transfer function, no matrix, full range (ITU-T H.273), as PNG's cICP chunk says them."""
 P3_NAME, PQ_NAME = "srgb_p3d65_display", "pq_rec2020_display"
 """What OpenImageIO calls them; without, it says sRGB in chunks of its own."""
+PNG_LEVEL = 2
+"""Engineering choice: a frame of the street takes 0.6 of the default level's time and 29 % more bytes."""
 
 
 def still_path(path: Path, display: Display) -> Path:
@@ -51,9 +53,7 @@ def write_png(path: Path, image: UInt8[np.ndarray, "y x 3"]) -> None:
     """Writes code values for an sRGB display. Raises FrameError if the file cannot be written."""
     spec = oiio.ImageSpec(image.shape[1], image.shape[0], 3, oiio.UINT8)
     spec.attribute("oiio:ColorSpace", "sRGB")
-    spec.attribute(
-        "png:compressionLevel", 2
-    )  # a frame of the street: 56 ms instead of the default's 98, 29 % more bytes
+    spec.attribute("png:compressionLevel", PNG_LEVEL)
     _write(path, spec, image)
 
 
@@ -77,7 +77,7 @@ def _write_tagged(path: Path, image: np.ndarray, name: str, cicp: tuple[int, int
     spec = oiio.ImageSpec(image.shape[1], image.shape[0], 3, oiio.UINT16 if image.dtype == np.uint16 else oiio.UINT8)
     spec.attribute("oiio:ColorSpace", name)
     spec.attribute("CICP", oiio.TypeDesc("int[4]"), cicp)
-    spec.attribute("png:compressionLevel", 2)
+    spec.attribute("png:compressionLevel", PNG_LEVEL)
     _write(path, spec, image)
 
 

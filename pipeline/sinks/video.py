@@ -22,7 +22,8 @@ from pipeline.sinks import hdr10
 from pipeline.sinks.whole_file import WholeFile
 
 CRF = "16"
-"""x264's constant rate factor: visually without loss, a tenth of the size."""
+"""x264's constant rate factor. Engineering choice: it is taken for visually lossless from 17–18 down; one or two finer,
+since a film is what effects are judged by, at a tenth of the size of one without loss."""
 HDR10_CRF = "12"
 """x265's. Engineering choice: PQ's codes are wider apart than 8 bits' in the dark, where an eye at night looks."""
 
@@ -130,8 +131,8 @@ def _form(display: Display, path: Path) -> _Form:
         options = {"crf": HDR10_CRF, "preset": "ultrafast", "x265-params": hdr10.parameters(display)}
         # Apple's players know no other tag.
         return _Form("libx265", options, "yuv420p10le", "hvc1", np.uint16, 9, 16, 9, _ten_bits)
-    # With x264's macroblock tree, a busy machine gave other bytes for the same frames in 11 of 30 films; without it
-    # in none of 40, at a third more bytes. The number of threads is fixed since the output depends on it.
+    # With x264's macroblock tree, the same frames gave other bytes in 11 of 30 films, as threads happened to run;
+    # without it in none of 40, at a third more bytes. The number of threads is fixed since the output depends on it.
     options = {"crf": CRF, "preset": "veryfast", "threads": "2", "x264-params": "mbtree=0"}
     primaries = 12 if display.encoding == Encoding.DISPLAY_P3 else 1  # SMPTE EG 432-1; BT.709
     return _Form("libx264", options, "yuv420p", "", np.uint8, primaries, 13, 1, _eight_bits)  # 13: sRGB, IEC 61966-2-1

@@ -22,7 +22,7 @@ from pipeline.measure import luminance
 LIMIT_CD_M2 = CD_M2_PER_LIGHTNESS
 """Where L* = 1: brighter pixels stay sharp."""
 RADIUS_PX = 3
-"""7 taps are enough for σ ≤ 1 (LUI §5.3.2)."""
+"""7 taps for every σ, enough up to 1 px (LUI §5.3.2): LUI's 2⌊3σ⌋+1 would drop a tap of 1 % and jump there."""
 LEAST_VARIANCE = np.float32(0.02)
 """px²; below it σ is taken as this, whose taps weigh 1e-11 beside the middle one."""
 LEAST_WEIGHT = np.float32(2e-4)

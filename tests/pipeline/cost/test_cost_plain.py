@@ -13,6 +13,7 @@ from pipeline.effects import acuity as own_acuity
 from pipeline.effects import adaptation as own_adaptation
 from pipeline.effects import night_colour as own_night_colour
 from pipeline.effects import tone as own_tone
+from pipeline.effects.encode import srgb_codes
 from pipeline.effects.glare.kernel import component
 from pipeline.effects.glare.models import GlareModel, mixture
 from pipeline.effects.glare.reference import of_mixture, reference_glare
@@ -109,7 +110,7 @@ def test_the_programs_effects_in_a_row_are_the_plain_ones() -> None:
     image = own_acuity.dark_acuity(scene.frame.rgb_cd_m2)
     shown = own_tone.aces(image, jnp.asarray([own_adaptation.exposure(adapted)]), 100.0)
     shown = own_night_colour.night_tint(shown, jnp.asarray([own_adaptation.rod_sensitivity(adapted)]))
-    ours = np.asarray(own_tone.encode(shown, 0.0))[0]
+    ours = np.asarray(srgb_codes(shown, 0.0))[0]
     codes, milliseconds = whole.perceived(scene.frame.rgb_cd_m2[0], scene.frame.view, lambda rgb: rgb)
     assert list(milliseconds) == ["adaptation", "glare", "acuity", "tone", "night_colour", "encode"]
     difference = np.abs(codes.astype(int) - ours.astype(int))

@@ -1,4 +1,4 @@
-"""Code values: against the standards' closed forms, colour-science, published signals, and the formula of before."""
+"""Code values: against the standards' closed forms, colour-science, published signals, sRGB's formula in float32."""
 
 import colour
 import jax
@@ -7,7 +7,18 @@ import numpy as np
 import pytest
 
 from pipeline.effects import encode as module
-from pipeline.effects.encode import P3, REC709, REC2020, encode, matrix, pq_cd_m2, srgb_codes, staircase
+from pipeline.effects.encode import (
+    P3,
+    REC709,
+    REC2020,
+    encode,
+    matrix,
+    pq_cd_m2,
+    pq_signal,
+    srgb_codes,
+    srgb_signal,
+    staircase,
+)
 from pipeline.frame import Display, Encoding
 
 SRGB, LINEAR = Display(encoding=Encoding.SRGB), Display(encoding=Encoding.LINEAR)
@@ -56,6 +67,13 @@ def test_srgb_codes_are_the_standards_but_for_rounding() -> None:
     off = np.abs(encode(jnp.asarray(linear), SRGB).astype(int) - exact)
     assert off.max() <= 1
     assert (off > 0).mean() < 5e-5
+
+
+def test_signals_in_float64_are_the_standards() -> None:
+    light = np.concatenate([[0.0, 0.0031308, 1.0], np.geomspace(1e-9, 1, 500)])
+    np.testing.assert_allclose(srgb_signal(light), colour.models.eotf_inverse_sRGB(light), rtol=1e-12)
+    np.testing.assert_allclose(pq_signal(light), colour.models.eotf_inverse_ST2084(light * 10000), rtol=1e-9)
+    np.testing.assert_allclose(pq_cd_m2(pq_signal(light)), light * 10000, rtol=1e-9, atol=1e-9)
 
 
 @pytest.mark.parametrize(("cd_m2", "signal"), [(100, 0.5081), (203, 0.5807), (1000, 0.7518), (4000, 0.9026)])

@@ -7,6 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from pipeline.display_light import black_share
 from pipeline.effects import tone
 from pipeline.effects.tone import Hue, Operator, Tone
 from pipeline.frame import Display, Encoding
@@ -120,7 +121,7 @@ def encoded(linear: np.ndarray, display: Display) -> np.ndarray:
     """Code values before rounding, by colour-science."""
     import colour
 
-    black = tone.black_share(display)
+    black = black_share(display)
     share = np.clip((linear - black) / (1 - black), 0, 1)
     if display.encoding in (Encoding.SRGB, Encoding.LINEAR):
         return 255 * np.asarray(colour.models.eotf_inverse_sRGB(share))

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from scipy.optimize import minimize_scalar
+from scipy.optimize import brentq, minimize_scalar
 
 from pipeline.effects import tone
 from pipeline.effects.adaptation import exposure
@@ -14,7 +14,7 @@ from pipeline.threshold import cone_threshold_cd_m2, rod_threshold_cd_m2, thresh
 
 WITHOUT_FILE = [operator for operator in Operator if operator is not Operator.CURVE]
 ADAPTED_CD_M2 = 1e-6, 1e-3, 0.03, 0.5, 20.0, 3e3
-RGB_TO_XYZ = np.array([[0.4124, 0.3576, 0.1805], LUMINANCE_WEIGHTS, [0.0193, 0.1192, 0.9505]])
+RGB_TO_XYZ = np.array([[0.4124564, 0.3575761, 0.1804375], LUMINANCE_WEIGHTS, [0.0193339, 0.1191920, 0.9503041]])
 
 
 def greys(cd_m2: np.ndarray) -> np.ndarray:
@@ -87,10 +87,18 @@ def test_the_display_is_full_from_the_stated_luminance_on(operator: Operator, pe
 # ACES
 
 
-def test_aces_of_each_component_is_what_it_was() -> None:
+@pytest.mark.parametrize("peak", [80.0, 100.0, 250.0])
+def test_aces_is_narkowiczs_formula_of_each_component(peak: float) -> None:
+    """In float64, exposed such that middle grey keeps its luminance on a brighter display."""
+
+    def formula(x: np.ndarray) -> np.ndarray:
+        return (x * (2.51 * x + 0.03)) / (x * (2.43 * x + 0.59) + 0.14)
+
     rgb = colours(300)
-    expected = tone.aces(rgb, np.array([exposure(0.2)]), 250.0)
-    assert np.array_equal(shown(rgb, 0.2, Tone(), Display(250.0)), np.asarray(expected)[0].reshape(3, -1))
+    grey = formula(np.array(0.18)) * min(100 / peak, 1)
+    scale = brentq(lambda scale: float(formula(np.array(0.18 * scale)) - grey), 0.01, 2) * exposure(0.2)
+    expected = np.minimum(formula(rgb[0, :, 0].astype(np.float64) * scale), 1)
+    np.testing.assert_allclose(shown(rgb, 0.2, Tone(), Display(peak)), expected, rtol=2e-6)
 
 
 def test_aces_turns_where_the_bounds_say() -> None:
@@ -209,7 +217,7 @@ def test_in_the_dark_durand_shows_blue_brighter_than_red_of_the_same_luminance()
     rgb = np.zeros((1, 3, 1, 2), np.float32)
     rgb[0, 0, 0, 0], rgb[0, 2, 0, 1] = 1e-4 / 0.2126, 1e-4 / 0.0722
     red, blue = luminance(shown(rgb, 1e-4, Tone(Operator.DURAND))[:, None])[0]
-    assert blue / red == pytest.approx(7.186 / 0.3979, rel=0.15)
+    assert blue / red == pytest.approx(7.187 / 0.3979, rel=0.15)
 
 
 # Hues

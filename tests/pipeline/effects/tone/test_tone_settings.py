@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from scipy.interpolate import PchipInterpolator
 
+from pipeline.display_light import black_share, reflected_cd_m2, viewer_cd_m2
 from pipeline.effects import tone
 from pipeline.effects.tone import Operator, Tone, own_curve
 from pipeline.frame import Display, FrameError
@@ -94,11 +95,11 @@ def test_a_curve_and_its_file_go_together() -> None:
 def test_the_surround_is_reflected_and_adapted_to() -> None:
     """A screen that scatters back 1 % returns 2 cd/m² of a surround of 200: black and white rise by as much."""
     display = Display(100.0, 0.5, 200.0)
-    assert tone.reflected_cd_m2(display) == pytest.approx(2)
-    assert tone.black_share(display) == pytest.approx(2.5 / 102)
-    assert tone.viewer_cd_m2(display) == 200
-    assert tone.viewer_cd_m2(Display(100.0)) == 50
-    assert tone.black_share(Display(100.0, 0.5)) == 0.005
+    assert reflected_cd_m2(display) == pytest.approx(2)
+    assert black_share(display) == pytest.approx(2.5 / 102)
+    assert viewer_cd_m2(display) == 200
+    assert viewer_cd_m2(Display(100.0)) == 50
+    assert black_share(Display(100.0, 0.5)) == 0.005
 
 
 def test_before_a_bright_surround_a_threshold_is_shown_larger() -> None:
@@ -113,4 +114,4 @@ def test_before_a_bright_surround_a_threshold_is_shown_larger() -> None:
 
 def test_a_display_whose_black_is_its_white_is_refused() -> None:
     with pytest.raises(FrameError, match="black must be darker"):
-        tone.black_share(Display(1.0, 1.0))
+        black_share(Display(1.0, 1.0))
