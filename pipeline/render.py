@@ -16,6 +16,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from pipeline.budget import SHIPPED, Choice, CostModel, Timing
+from pipeline.display_light import seen_peak_cd_m2
 from pipeline.effects import acuity, adaptation, afterimage, night_colour, rod_noise, tone
 from pipeline.effects.adaptation import Adapted
 from pipeline.effects.adaptation.pigments import PUPIL_MM
@@ -226,7 +227,7 @@ def perceive(
 def as_displayed(frame: Frame, display: Display = Display()) -> np.ndarray:
     """A frame as a renderer without an eye shows it: exposed for middle grey, tone-mapped, encoded for the display."""
     mean_log = np.asarray(_mean_log(frame.rgb_cd_m2))
-    return encode(tone.aces(frame.rgb_cd_m2, DISPLAY_KEY / np.exp(mean_log), tone.seen_peak_cd_m2(display)), display)
+    return encode(tone.aces(frame.rgb_cd_m2, DISPLAY_KEY / np.exp(mean_log), seen_peak_cd_m2(display)), display)
 
 
 @jax.jit
@@ -320,14 +321,15 @@ def _glare(frame: Frame, sights: Sequence[Sight], settings: Glare, before: Glare
     if before is not None and before.rgb_cd_m2 is frame.rgb_cd_m2 and before.cause == cause:
         return before
     images = [scatter(frame.rgb_cd_m2[k], sight, settings) for k, sight in enumerate(sights)]
+    result = _alone(images[0]) if len(images) == 1 else jnp.stack(images)
     # Waited for here: the clock does not see into a record.
-    return Glared(frame.rgb_cd_m2, cause, jax.block_until_ready(_stacked(*images)))
+    return Glared(frame.rgb_cd_m2, cause, jax.block_until_ready(result))
 
 
 @functools.partial(jax.jit, donate_argnums=0)
-def _stacked(*images: Float[Array, "3 y x"]) -> Float[Array, "eye 3 y x"]:
-    """Of one image the memory is taken over."""
-    return jnp.stack(images)
+def _alone(image: Float[Array, "3 y x"]) -> Float[Array, "1 3 y x"]:
+    """One eye's image as a frame, in the same memory."""
+    return image[None]
 
 
 @jax.jit
