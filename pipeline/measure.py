@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import functools
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 
 import jax
 import jax.numpy as jnp
@@ -94,23 +94,10 @@ def averaged(measured: Measurement) -> Measurement:
     return dataclasses.replace(measured, range_cd_m2=Range(grey, grey, pool * measured.tile_px))
 
 
-def bright_pixels(frame: Frame, measured: Sequence[Measurement]) -> tuple[int, ...]:
-    """How many pixels of each eye's image are sources: SOURCE_RATIO times brighter than its mean."""
-    if all(eye.max_cd_m2 <= SOURCE_RATIO * eye.mean_cd_m2 for eye in measured):
-        return (0,) * len(measured)
-    limits = np.array([SOURCE_RATIO * eye.mean_cd_m2 for eye in measured], np.float32)
-    return tuple(int(count) for count in _count(frame.rgb_cd_m2, limits))
-
-
 def luminance(rgb: Float[Array, "*eye 3 y x"]) -> Float[Array, "*eye y x"]:
     """Luminance of linear Rec.709 RGB, in the unit of the RGB."""
     red, green, blue = (np.float32(weight) for weight in LUMINANCE_WEIGHTS)
     return red * rgb[..., 0, :, :] + green * rgb[..., 1, :, :] + blue * rgb[..., 2, :, :]
-
-
-@jax.jit
-def _count(rgb: Float[Array, "eye 3 y x"], above: Float[Array, "eye"]) -> Float[Array, "eye"]:
-    return (luminance(rgb) > above[:, None, None]).sum((1, 2))
 
 
 @functools.partial(jax.jit, static_argnames=("tile_px", "pool"))

@@ -26,7 +26,7 @@ from pipeline.effects.glare import Glare, GlareLevel, Sight, mixture, scatter
 from pipeline.effects.settings import Effects
 from pipeline.frame import Display, Frame, FrameError, View
 from pipeline.looking import Looking
-from pipeline.measure import Measurement, bright_pixels, luminance, measure
+from pipeline.measure import Measurement, luminance, measure
 from pipeline.observer import Observer
 from pipeline.optics import living
 from pipeline.optics.living import LivingState
@@ -161,7 +161,7 @@ def perceive(
         "plan",
         lambda: make_plan(
             seen,
-            _scenery(frame, measured, planning),
+            _scenery(frame),
             effects,
             display,
             planning,
@@ -290,11 +290,9 @@ def _remember(
     )
 
 
-def _scenery(frame: Frame, measured: Sequence[Measurement], planning: Planning) -> Scenery:
+def _scenery(frame: Frame) -> Scenery:
     eyes, _, height, width = frame.rgb_cd_m2.shape
-    # Only within a budget glare of bright pixels alone may be chosen.
-    bright = None if planning.budget_ms is None else max(bright_pixels(frame, measured))
-    return Scenery(eyes * height * width / 1e6, len(frame.lights), bright)
+    return Scenery(eyes * height * width / 1e6, len(frame.lights))
 
 
 def _pupils(view: View, eyes: Sequence[Looking], adapted: Sequence[float], observer: Observer) -> tuple[float, ...]:

@@ -174,7 +174,7 @@ def _warm_up(scene: Scene, settings: WorkerSettings, perception: Settings) -> fl
     scene.frame(0.0, settings.view, Head(), settings.eyes).rgb_cd_m2.block_until_ready()
     lamp = np.zeros((len(settings.eyes), 3, settings.view.height_px, settings.view.width_px), np.float32)
     full = replace(perception, plan=Planning(everything=True, leave_out=perception.plan.leave_out))
-    short = () if perception.plan.budget_ms is None else (GlareLevel.VEIL, GlareLevel.SOURCES)
+    short = () if perception.plan.budget_ms is None else (GlareLevel.VEIL,)
     lesser = [(5e3, replace(full, glare=replace(full.glare, level=level))) for level in short]
     for lamp_cd_m2, asked in ((5e3, full), (1e6, full), *lesser):
         lamp[:, :, settings.view.height_px // 2, settings.view.width_px // 2] = lamp_cd_m2

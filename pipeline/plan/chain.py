@@ -128,16 +128,12 @@ def _scene_stages(eye: Eye, effects: Effects) -> list[Stage]:
     kernel = changes.lesser(*glare, effects.glare.level, eye.ceiling_cd_m2)
     most = kernel + changes.veil(eye.kernel, measured, eye.ceiling_cd_m2)
 
-    def of_sources(range_: Range) -> Change:
-        return changes.short_of_sources(*glare, effects.glare.level, eye.ceiling_cd_m2)
-
     stages = [
         Stage(
             Effect.GLARE,
             {
                 SKIPPED: lambda range_: most,
                 GlareLevel.VEIL.value: lambda range_: kernel,
-                GlareLevel.SOURCES.value: of_sources,
             },
             lambda change, range_, scene: change,
             lambda range_, hidden: changes.after(measured, hidden, least_stays(eye.kernel)),

@@ -46,7 +46,7 @@ def reason_of(
 ) -> str:
     """Why an effect is at this level."""
     if effect in planning.leave_out:
-        return "left out as asked"
+        return "left out as asked" if planning.budget_ms is None else f"nothing more fits {planning.budget_ms:g} ms"
     match effect:
         case Effect.ADAPTATION:
             return f"adapted to {_list([eye.adapted.luminance_cd_m2 for eye in eyes])} cd/m²"

@@ -18,7 +18,7 @@ from pipeline.effects.glare.kernel import Mixture, Veil
 from pipeline.effects.glare.settings import GlareLevel
 from pipeline.effects.glare.veil import amounts
 from pipeline.effects.glare.window import falloff, float32_limit_cd_m2, window_of
-from pipeline.frame import LUMINANCE_WEIGHTS, View
+from pipeline.frame import View
 from pipeline.measure import SOURCE_RATIO, Measurement
 from pipeline.optics import radial
 from pipeline.ranges import Change, Range
@@ -51,31 +51,6 @@ def lesser(
         above = max(ceiling_cd_m2 or 0.0, SOURCE_RATIO * measured.mean_cd_m2 if asked is GlareLevel.SOURCES else 0.0)
         low, high = np.zeros_like(low), np.where(range_.high[3] > above, high, 0)
     return _of_light(low, high, kernel, measured, gaze_px, asked)
-
-
-def short_of_sources(
-    kernel: Mixture,
-    measured: Measurement,
-    gaze_px: tuple[float, float],
-    asked: GlareLevel,
-    ceiling_cd_m2: float | None = None,
-) -> Change:
-    """The most that the level `sources`, if it takes all of them, differs from the level asked for, in cd/m².
-
-    It leaves out what is no source; and it scatters sources in full where a window weighs them.
-    """
-    range_ = measured.range_cd_m2
-    above = SOURCE_RATIO * measured.mean_cd_m2
-    holds = range_.high[3] > above
-    rest = np.minimum(range_.high[:3], above / np.array(LUMINANCE_WEIGHTS)[:, None, None])
-    low = np.where(holds, 0, range_.low[:3]) if ceiling_cd_m2 is None else np.zeros_like(rest)
-    change = _of_light(low, np.where(holds, rest, range_.high[:3]), kernel, measured, gaze_px, asked)
-    if asked is GlareLevel.WINDOW and holds.any():
-        _, farthest = _away(measured.view, gaze_px, range_.tile_px, holds.shape)
-        beyond = 1 - falloff(farthest / _reach_px(measured.view, kernel))
-        sources = np.where(holds, range_.high[:3] * beyond, 0)
-        change = change + _of_light(np.zeros_like(sources), sources, kernel, measured, gaze_px, GlareLevel.SOURCES)
-    return change
 
 
 def _of_light(
