@@ -26,6 +26,8 @@ from pipeline.ranges import Change, Range
 VEIL_MARGIN = 0.1
 """Of what a veil brings: its tiles are up to 2 % off at 9–10° (docs/optics.md), and the share that comes from within
 the frame is summed coarsely here."""
+VEIL_SWING = 2e-6
+"""Of the brightest light's veil: by how much cubic tiles swing where none arrives. Measured: 1e-6."""
 FIELD = 48
 """The field is summed in so many parts along each axis, and a veil looked at in a quarter as many places."""
 ROUNDED = 3e-8
@@ -103,7 +105,8 @@ def veil(kernel: Mixture, measured: Measurement, ceiling_cd_m2: float | None = N
     for function, share in amounts(kernel).items():
         least, most = _within(measured.view, function, *low.shape[1:], measured.range_cd_m2.tile_px)
         gains = np.minimum(most * (1 + VEIL_MARGIN), 1) * brightest - low
-        change += share * np.maximum(gains, high - least * (1 - VEIL_MARGIN) * darkest).clip(0)
+        loses = high - least * (1 - VEIL_MARGIN) * darkest
+        change += share * (np.maximum(gains, loses).clip(0) + VEIL_SWING * brightest)
     return change
 
 
