@@ -21,7 +21,7 @@ EVEN_CD_M2, CEILING_CD_M2 = 150.0, 156.0
 more."""
 EVEN_SHARE, FROM_CEILING = 0.88, 0.24
 """How the walls' light divides into what comes from everywhere and what comes from the ceiling. Engineering choice: so
-that a wall meets the ceiling with 10 % contrast and the floor with less."""
+that a wall meets the ceiling with less than 10 % contrast, and the floor too."""
 CANDLE_M, CANDLE_CD, FLAME_M = np.array([0.45, -0.35, 2.2]), 1.0, 0.006
 """A flame of 1 cd and 12 mm across: 9e3 cd/m²."""
 FLAME = (2.64, 0.61, 0.0)

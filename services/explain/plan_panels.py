@@ -121,7 +121,7 @@ def _mark(axes: Axes, at_s: float | None) -> None:
 
 def changes(axes: Axes, spans: Sequence[Span], colours: Mapping[str, str]) -> None:
     """The changes of level, a line each."""
-    axes.set(xlim=(0, 1), ylim=(len(spans), 0))
+    axes.set(xlim=(0, 1), ylim=(max(len(spans), 1), 0))
     axes.axis("off")
     for line, span in enumerate(spans):
         axes.text(0.0, line, f"{span.begin_s:.2f} s", size=9, va="top", color=FAINT)
