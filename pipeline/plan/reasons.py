@@ -103,7 +103,7 @@ def _seen(effect: Effect, eye: Eye, effects: Effects) -> str:
             (share,) = night_colour.adapted_share(np.array([adapted]), effects.night_colour)
             return f"adapted to {adapted:.3g} cd/m², rods carry {share:.2g} of vision"
         case _:
-            return "what was seen before has bleached the retina unevenly"
+            return "what the retina keeps of what was seen before"
 
 
 def _darkest(measured: Measurement, below_cd_m2: float) -> str:
