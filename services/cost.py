@@ -7,26 +7,23 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from pipeline.cost.comparison import Row
+from pipeline.cost.errors import Errors
 from pipeline.cost.sun_corner import SunCorner
+from pipeline.cost.timing import Times
 from services import cost_plots
 
 TABLE, TEXT, CORNER_TABLE, CORNER_PLOT = "cost-glare.csv", "cost-glare.md", "sun-corner.csv", "sun-corner.png"
-COLUMNS = (
-    "group",
-    "setting",
-    "scene",
+ERROR_COLUMNS = (
     "relative_l2",
     "worst_cd_m2",
     "worst_x_px",
     "worst_y_px",
     "delta_e_itp_mean",
     "delta_e_itp_p95",
-    "first_ms",
-    "median_ms",
-    "lower_quartile_ms",
-    "upper_quartile_ms",
-    "rounds",
+    "share_changed",
 )
+TIME_COLUMNS = ("first_ms", "median_ms", "lower_quartile_ms", "upper_quartile_ms", "rounds")
+COLUMNS = ("group", "setting", "scene", *ERROR_COLUMNS, *TIME_COLUMNS)
 
 
 def write(folder: Path, rows: Sequence[Row], corner: SunCorner, notes: Mapping[str, str]) -> str:
@@ -47,22 +44,27 @@ def write(folder: Path, rows: Sequence[Row], corner: SunCorner, notes: Mapping[s
     return text
 
 
-def _cells(row: Row) -> list[object]:
-    errors, times = row.errors, row.times
-    milliseconds = (times.first_ms, times.median_ms, *times.middle_half_ms)
+def error_cells(errors: Errors) -> list[object]:
+    """What stands under ERROR_COLUMNS."""
     return [
-        row.group,
-        row.setting,
-        row.scene,
         f"{errors.relative_l2:.4g}",
         f"{errors.worst_cd_m2:.4g}",
         errors.worst_x_px,
         errors.worst_y_px,
         f"{errors.delta_e_mean:.4g}",
         f"{errors.delta_e_p95:.4g}",
-        *(f"{value:.2f}" for value in milliseconds),
-        len(times.steady_ms),
+        f"{errors.share_changed:.5f}",
     ]
+
+
+def time_cells(times: Times) -> list[object]:
+    """What stands under TIME_COLUMNS."""
+    milliseconds = (times.first_ms, times.median_ms, *times.middle_half_ms)
+    return [*(f"{value:.3f}" for value in milliseconds), len(times.steady_ms)]
+
+
+def _cells(row: Row) -> list[object]:
+    return [row.group, row.setting, row.scene, *error_cells(row.errors), *time_cells(row.times)]
 
 
 def _section(group: str, note: str, rows: Sequence[Row]) -> str:

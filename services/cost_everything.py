@@ -12,21 +12,10 @@ from pipeline.cost.ways import Row
 from pipeline.cost.ways.way import SKIPPED
 from pipeline.cost.whole_frame import Choice, Size, Whole, choose
 from services import cost_everything_plots as plots
+from services.cost import ERROR_COLUMNS, TIME_COLUMNS, error_cells, time_cells
 
 TABLE, FRAMES, TEXT, WHOLE_PLOT = "cost.csv", "cost-frames.csv", "cost.md", "cost-whole-frame.png"
-ERRORS = (
-    "relative_l2",
-    "worst_cd_m2",
-    "worst_x_px",
-    "worst_y_px",
-    "delta_e_itp_mean",
-    "delta_e_itp_p95",
-    "share_changed",
-)
-COLUMNS = (
-    *("effect", "setting", "truth", "scene", *ERRORS),
-    *("first_ms", "median_ms", "lower_quartile_ms", "upper_quartile_ms", "rounds"),
-)
+COLUMNS = ("effect", "setting", "truth", "scene", *ERROR_COLUMNS, *TIME_COLUMNS)
 
 
 def write(folder: Path, rows: Sequence[Row], wholes: Sequence[Whole], device: str) -> str:
@@ -38,7 +27,9 @@ def write(folder: Path, rows: Sequence[Row], wholes: Sequence[Whole], device: st
     sizes = list(wholes[0].milliseconds)
     with (folder / FRAMES).open("w", encoding="utf-8", newline="") as stream:
         writer = csv.writer(stream, lineterminator="\n")
-        writer.writerow(["glare", "acuity", "night_colour", "scene", *ERRORS, *(f"ms_{w}x{h}" for w, h in sizes)])
+        writer.writerow(
+            ["glare", "acuity", "night_colour", "scene", *ERROR_COLUMNS, *(f"ms_{w}x{h}" for w, h in sizes)]
+        )
         writer.writerows(_frame_cells(whole, sizes) for whole in wholes)
     for effect in dict.fromkeys(row.effect for row in rows):
         of_effect = [row for row in rows if row.effect == effect]
@@ -49,32 +40,15 @@ def write(folder: Path, rows: Sequence[Row], wholes: Sequence[Whole], device: st
     return text
 
 
-def _errors(of: Row | Whole) -> list[object]:
-    errors = of.errors
-    return [
-        f"{errors.relative_l2:.4g}",
-        f"{errors.worst_cd_m2:.4g}",
-        errors.worst_x_px,
-        errors.worst_y_px,
-        f"{errors.delta_e_mean:.4g}",
-        f"{errors.delta_e_p95:.4g}",
-        f"{errors.share_changed:.5f}",
-    ]
-
-
 def _cells(row: Row) -> list[object]:
-    if row.times is None:
-        times: list[object] = ["", "0", "", "", 0]
-    else:
-        milliseconds = (row.times.first_ms, row.times.median_ms, *row.times.middle_half_ms)
-        times = [*(f"{value:.3f}" for value in milliseconds), len(row.times.steady_ms)]
-    return [row.effect, row.setting, row.of, row.scene, *_errors(row), *times]
+    times = ["", "0", "", "", 0] if row.times is None else time_cells(row.times)
+    return [row.effect, row.setting, row.of, row.scene, *error_cells(row.errors), *times]
 
 
 def _frame_cells(whole: Whole, sizes: Sequence[Size]) -> list[object]:
     of = whole.combination
     times = [f"{whole.milliseconds[size]:.2f}" for size in sizes]
-    return [of.glare, of.acuity, of.night_colour, whole.scene, *_errors(whole), *times]
+    return [of.glare, of.acuity, of.night_colour, whole.scene, *error_cells(whole.errors), *times]
 
 
 def advice(wholes: Sequence[Whole], device: str) -> str:

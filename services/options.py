@@ -84,6 +84,24 @@ SettingsFile = Annotated[
 SaveOption = Annotated[
     list[Save], typer.Option("--save", help="How perceived frames are kept; may be given more than once.")
 ]
+PupilMm = Annotated[
+    float | None,
+    typer.Option(min=0.5, max=12, help="Pupil diameter; computed from the light and the age unless given."),
+]
+Gaze = Annotated[str, typer.Option(metavar="X,Y", help="Direction of gaze in degrees, right and up.")]
+AdaptedTo = Annotated[
+    float | None,
+    typer.Option(metavar="CD_M2", min=1e-6, max=1e9, help="Luminance the eye is adapted to; the image's unless given."),
+]
+Age = Annotated[float | None, typer.Option(min=1, max=120, help="Years; overrides the settings file.")]
+OwnLights = Annotated[
+    list[str],
+    typer.Option(
+        metavar="X,Y,LUX[,SPECTRUM[,RADIUS]]",
+        help="A light of its own with its glare: direction in degrees, illuminance at the eye, spectrum (D65, A, "
+        "LED-B3, …, or a CSV file) and radius in degrees. May be given more than once.",
+    ),
+]
 BudgetMs = Annotated[
     float | None,
     typer.Option(

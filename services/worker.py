@@ -183,7 +183,7 @@ def _warm_up(scene: Scene, settings: WorkerSettings, perception: Settings) -> fl
     lamp[:] = 100.0
     lamp[:, :, : settings.view.height_px // 8, : settings.view.width_px // 8] = 1e-3
     bright = Frame.from_rgb(lamp, settings.view.fov_deg)
-    fading = {"acuity": Choice(perception.acuity.method.value, 0.0, SKIPPED, 0.5)}
+    fading = {"acuity": Choice(perception.acuity.method.value, SKIPPED, 0.5)}
     before = RenderState((1.0,) * len(settings.eyes), choices=fading)
     _perceive(bright, (Looking(pupil_mm=4.0),) * len(settings.eyes), perception, before, 0.0)
     return time.perf_counter() - begun

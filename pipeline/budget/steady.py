@@ -36,8 +36,6 @@ class Choice:
     """The level of one effect, and how it came to be."""
 
     level: str
-    since_s: float = 0.0
-    """How long ago it was taken."""
     fade_from: str | None = None
     """The level before, while the picture still passes from it."""
     fade: float = 1.0
@@ -166,7 +164,7 @@ def _passed(
         before = dataclasses.replace(before, fade_from=None, fade=1.0)
     step = dt_s / FADE_S
     if level == before.level or (fading and level != before.fade_from):
-        passed = dataclasses.replace(before, since_s=before.since_s + dt_s, fade=before.fade + step, calm_s=calm_s)
+        passed = dataclasses.replace(before, fade=before.fade + step, calm_s=calm_s)
     else:
-        passed = Choice(level, 0.0, before.level, 1 - before.fade + step)
+        passed = Choice(level, before.level, 1 - before.fade + step)
     return passed if passed.fade < 1 else dataclasses.replace(passed, fade_from=None, fade=1.0)

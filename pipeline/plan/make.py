@@ -68,8 +68,9 @@ def make_plan(
     budget_ms = math.inf
     if planning.budget_ms is not None:
         budget_ms = planning.budget_ms * (1 - RESERVE_SHARE) - fixed_ms(costs, effects, scenery.megapixels)
-    if not plain and budget_ms < _least_ms(choosable, scenery, effects, costs):
-        # Nothing fits: no need to weigh what is best.
+    held = {level for choice in (before or {}).values() for level in choice.weights}
+    if not plain and not held - {SKIPPED} and budget_ms < _least_ms(choosable, scenery, effects, costs):
+        # Nothing fits and nothing is left to fade out: no need to weigh what is best.
         planning = msgspec.structs.replace(planning, leave_out=frozenset(choosable))
     found = {} if plain else _lesser(eyes, chains, scenery, effects, planning, choosable, before or {})
     options = {effect.value: _options(effect, effects, found, scenery, planning, costs) for effect in choosable}

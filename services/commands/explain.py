@@ -12,7 +12,19 @@ from rich.markup import escape
 from rich.progress import Progress
 
 from services.commands.render import direction_of, light_of
-from services.options import Fov, Height, MeanLuminance, SettingsFile, Width
+from services.options import (
+    AdaptedTo,
+    Age,
+    BudgetMs,
+    Fov,
+    Gaze,
+    Height,
+    MeanLuminance,
+    OwnLights,
+    PupilMm,
+    SettingsFile,
+    Width,
+)
 from services.process import cache_folder, prepare_jax
 from services.terminal import console
 
@@ -30,33 +42,17 @@ def explain(
         int | None,
         typer.Option(min=0, help="Of a session: the key frame next to this frame; the middle one unless given."),
     ] = None,
-    pupil_mm: Annotated[
-        float | None,
-        typer.Option(min=0.5, max=12, help="Pupil diameter; computed from the light and the age unless given."),
-    ] = None,
-    gaze: Annotated[str, typer.Option(metavar="X,Y", help="Direction of gaze in degrees, right and up.")] = "0,0",
-    adaptation: Annotated[
-        float | None,
-        typer.Option(
-            metavar="CD_M2", min=1e-6, max=1e9, help="Luminance the eye is adapted to; the image's unless given."
-        ),
-    ] = None,
-    age: Annotated[float | None, typer.Option(min=1, max=120, help="Years; overrides the settings file.")] = None,
+    pupil_mm: PupilMm = None,
+    gaze: Gaze = "0,0",
+    adaptation: AdaptedTo = None,
+    age: Age = None,
     fov: Fov = 104.0,
     mean_luminance: MeanLuminance = None,
     width: Width = None,
     height: Height = None,
     settings: SettingsFile = None,
-    budget_ms: Annotated[
-        float | None,
-        typer.Option(
-            min=0.1, max=1e6, help="Time that a frame may take, on this machine; the settings file's unless given."
-        ),
-    ] = None,
-    light: Annotated[
-        list[str],
-        typer.Option(metavar="X,Y,LUX[,SPECTRUM[,RADIUS]]", help="A light of its own, as of [b]entoptic render[/b]."),
-    ] = [],  # noqa: B006 - typer copies it
+    budget_ms: BudgetMs = None,
+    light: OwnLights = [],  # noqa: B006 - typer copies it
 ) -> None:
     """Show what the planner saw in a frame, what it decided and why, and what that changed.
 

@@ -8,7 +8,21 @@ from typing import TYPE_CHECKING, Annotated
 import msgspec
 import typer
 
-from services.options import BudgetMs, Everything, Fov, Height, MeanLuminance, SettingsFile, Width, Without
+from services.options import (
+    AdaptedTo,
+    Age,
+    BudgetMs,
+    Everything,
+    Fov,
+    Gaze,
+    Height,
+    MeanLuminance,
+    OwnLights,
+    PupilMm,
+    SettingsFile,
+    Width,
+    Without,
+)
 from services.process import prepare_jax
 from services.terminal import console
 
@@ -19,18 +33,10 @@ if TYPE_CHECKING:
 def render(
     image: Annotated[Path, typer.Argument(help="HDR picture or panorama: .hdr or .exr.")],
     output: Annotated[Path, typer.Option("--output", "-o", help="PNG file to write.")] = Path("perceived.png"),
-    pupil_mm: Annotated[
-        float | None,
-        typer.Option(min=0.5, max=12, help="Pupil diameter; computed from the light and the age unless given."),
-    ] = None,
-    gaze: Annotated[str, typer.Option(metavar="X,Y", help="Direction of gaze in degrees, right and up.")] = "0,0",
-    adaptation: Annotated[
-        float | None,
-        typer.Option(
-            metavar="CD_M2", min=1e-6, max=1e9, help="Luminance the eye is adapted to; the image's unless given."
-        ),
-    ] = None,
-    age: Annotated[float | None, typer.Option(min=1, max=120, help="Years; overrides the settings file.")] = None,
+    pupil_mm: PupilMm = None,
+    gaze: Gaze = "0,0",
+    adaptation: AdaptedTo = None,
+    age: Age = None,
     fov: Fov = 104.0,
     display_peak: Annotated[
         float | None, typer.Option(metavar="CD_M2", min=1, max=20000, help="Peak luminance of the display.")
@@ -52,14 +58,7 @@ def render(
             "settings file."
         ),
     ] = None,
-    light: Annotated[
-        list[str],
-        typer.Option(
-            metavar="X,Y,LUX[,SPECTRUM[,RADIUS]]",
-            help="A light of its own with its glare: direction in degrees, illuminance at the eye, spectrum (D65, A, "
-            "LED-B3, …, or a CSV file) and radius in degrees. May be given more than once.",
-        ),
-    ] = [],  # noqa: B006 - typer copies it
+    light: OwnLights = [],  # noqa: B006 - typer copies it
 ) -> None:
     """Perceive one HDR image."""
     prepare_jax()

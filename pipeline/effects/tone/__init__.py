@@ -9,8 +9,6 @@ bounds.py    what tone mapping makes of a range of values and of a change
 code_values.py  what that is in code values
 """
 
-from pipeline.display_light import seen_peak_cd_m2
-from pipeline.effects.encode import srgb_codes as encode
 from pipeline.effects.tone.bounds import passed_on, shown
 from pipeline.effects.tone.code_values import code_values
 from pipeline.effects.tone.filmic import (
@@ -33,10 +31,8 @@ __all__ = [
     "ceiling_cd_m2",
     "code_values",
     "display_scale",
-    "encode",
     "full_cd_m2",
     "passed_on",
-    "seen_peak_cd_m2",
     "show",
     "shown",
 ]

@@ -36,8 +36,8 @@ class TestLevels:
         assert one(None, DAY).weights == {"veil": 1.0}
 
     def test_it_goes_up_at_once(self) -> None:
-        up = one(Choice("veil", 3.0), NIGHT)
-        assert (up.level, up.fade_from, up.since_s) == ("window", "veil", 0.0)
+        up = one(Choice("veil"), NIGHT)
+        assert (up.level, up.fade_from) == ("window", "veil")
 
     def test_it_goes_down_after_half_a_second_of_calm(self) -> None:
         choice, frames = one(None, NIGHT), 0
@@ -57,16 +57,15 @@ class TestLevels:
         for _ in range(100):
             choice = one(choice, glare(0.4, 0.45))
         assert (choice.level, choice.fade_from) == ("sources", None)
-        assert choice.since_s == pytest.approx(100 * FRAME_S)
 
     def test_a_level_that_is_no_longer_offered_is_left_without_a_fade(self) -> None:
         assert one(Choice("gone"), NIGHT) == Choice("window")
-        fading = one(Choice("window", 0.1, "gone", 0.3), NIGHT)
+        fading = one(Choice("window", "gone", 0.3), NIGHT)
         assert (fading.fade_from, fading.fade) == (None, 1.0)
 
     def test_an_effect_that_is_new_or_gone_leaves_the_others_alone(self) -> None:
         both = {**NIGHT, "tone": (Option("aces", 0.0, 7.0),)}
-        before = {"glare": Choice("window", 2.0), "halo": Choice("fine")}
+        before = {"glare": Choice("window"), "halo": Choice("fine")}
         assert set(settle(before, both, FRAME_S)) == {"glare", "tone"}
         assert settle(before, both, FRAME_S)["glare"].fade_from is None
 
@@ -94,7 +93,7 @@ class TestLevels:
 
 class TestBudget:
     def test_what_no_longer_fits_is_given_up_at_once(self) -> None:
-        choice = one(Choice("window", 9.0), NIGHT, budget_ms=80.0)
+        choice = one(Choice("window"), NIGHT, budget_ms=80.0)
         assert (choice.level, choice.fade_from) == ("sources", "window")
 
     def test_what_fits_is_taken_on_with_a_tenth_to_spare(self) -> None:
@@ -178,7 +177,7 @@ class TestBudget:
 
 class TestFade:
     def test_the_weight_grows_evenly_over_a_fifth_of_a_second(self) -> None:
-        choice = one(Choice("veil", 1.0), NIGHT, 0.05)
+        choice = one(Choice("veil"), NIGHT, 0.05)
         for weight in (0.25, 0.5, 0.75):
             assert choice.weights == pytest.approx({"window": weight, "veil": 1 - weight})
             choice = one(choice, NIGHT, 0.05)
@@ -194,7 +193,7 @@ class TestFade:
         assert choice.weights.get("window", 0.0) == pytest.approx(expected, rel=1e-9)
 
     def test_a_change_back_turns_it_round_where_it_stands(self) -> None:
-        choice = one(Choice("sources", 1.0), NIGHT, 0.15)
+        choice = one(Choice("sources"), NIGHT, 0.15)
         assert choice.weights == pytest.approx({"window": 0.75, "sources": 0.25})
         choice = one(choice, NIGHT, 0.0, budget_ms=80.0)
         assert (choice.level, choice.fade_from) == ("sources", "window")
@@ -203,7 +202,7 @@ class TestFade:
         assert choice.weights == pytest.approx({"window": 0.25, "sources": 0.75})
 
     def test_a_third_level_waits_for_its_end(self) -> None:
-        choice = one(Choice("veil", 1.0), NIGHT, 0.1)
+        choice = one(Choice("veil"), NIGHT, 0.1)
         for _ in range(3):
             choice = one(choice, NIGHT, 0.04, budget_ms=50.0)
         assert (choice.level, choice.fade_from) == ("window", None)
@@ -223,7 +222,7 @@ class TestFade:
 
     @pytest.mark.parametrize("dt_s", [0.0, -5.0, math.nan])
     def test_no_time_at_all_changes_no_picture(self, dt_s: float) -> None:
-        before = Choice("window", 1.0, "veil", 0.4, {"veil": 0.2, "sources": 0.0, "window": 0.3})
+        before = Choice("window", "veil", 0.4, {"veil": 0.2, "sources": 0.0, "window": 0.3})
         assert one(before, DAY, dt_s) == dataclasses.replace(before, calm_s={**before.calm_s})
         assert one(Choice("veil"), NIGHT, dt_s).weights == {"veil": 1.0}
 
