@@ -1,0 +1,7 @@
+"""Sessions that run by the clock: what their processes say to each other, and what keeps them running.
+
+choice.py     what a live session is made of: eyes, scene, view, settings
+addresses.py  where its processes are to be reached
+requests.py   what each of them may be asked to do
+messages.py   what a worker publishes: pictures, plans, and what a game engine needs
+"""

@@ -1,0 +1,194 @@
+"""What a live worker publishes: pictures, plans, and what a game engine needs to apply the effects itself.
+
+Every message has two parts: its topic, by which to subscribe, and one msgpack map with `entoptic`, the version, and
+`body`, a record with its field names as keys. A reader that is slow misses messages, never delays them; what it gets is
+whole. docs/wire-format.md says it for other languages.
+"""
+
+from __future__ import annotations
+
+from typing import Final, TypeVar
+
+import msgspec
+
+VERSION: Final = 1
+PERCEIVED, DISPLAYED, SHOWN, ENGINE, KERNEL = b"perceived", b"displayed", b"shown", b"engine", b"kernel"
+
+Body = TypeVar("Body")
+
+
+class MessageError(Exception):
+    """A message cannot be read."""
+
+
+class Picture(msgspec.Struct, frozen=True):
+    """A frame as perceived (topic `perceived`), or as displayed without an eye (topic `displayed`)."""
+
+    frame: int
+    t_ns: int
+    """When it was begun, on the worker's monotonic clock."""
+    width_px: int
+    """Of all eyes' images together: they stand side by side."""
+    height_px: int
+    encoding: str
+    """As of pipeline.Encoding: what the code values mean."""
+    dtype: str
+    """uint8, uint16 or float32, little endian."""
+    pixels: bytes
+    """Rows from the top, each of `width_px` times red, green, blue."""
+
+
+class EyeShown(msgspec.Struct, frozen=True):
+    """One eye, as the frame was rendered for it."""
+
+    eye: str
+    """left or right."""
+    phase: str
+    """As of tracker_bridge.wire.Phase; `none` where no bridge says anything."""
+    gaze_deg: tuple[float, float]
+    """To the right and up, from straight ahead of the head."""
+    gaze_px: tuple[float, float]
+    """In this eye's image, from its upper left corner."""
+    pupil_mm: float
+    openness: float
+    adapted_cd_m2: float
+    mean_cd_m2: float
+    max_cd_m2: float
+    window_px: tuple[float, float, float, float] | None = None
+    """Left, top, width and height of what the glare's kernel is computed of; None where it is all or nothing."""
+
+
+class StepShown(msgspec.Struct, frozen=True):
+    """What the plan said of one effect."""
+
+    effect: str
+    level: str
+    runs: bool
+    reason: str
+    bound_code_values: float
+    ms: float
+    """0 where it did not run."""
+
+
+class LatencyMs(msgspec.Struct, frozen=True):
+    """From the sample to the light, of the newest sample in a frame, all on one machine's clock."""
+
+    sample_to_state: float
+    """Until the bridge published the state."""
+    state_to_frame: float
+    """Until the worker began a frame with it."""
+    frame_to_sink: float
+    """Until the frame was published and kept."""
+
+    @property
+    def total(self) -> float:
+        """All of it."""
+        return self.sample_to_state + self.state_to_frame + self.frame_to_sink
+
+
+class Shown(msgspec.Struct, frozen=True):
+    """What a person who watches wants to know of a frame (topic `shown`)."""
+
+    frame: int
+    t_s: float
+    """Since the worker's first frame."""
+    t_ns: int
+    """When it was begun, on the worker's monotonic clock."""
+    width_px: int
+    height_px: int
+    """Of one eye's image."""
+    eyes: tuple[EyeShown, ...]
+    plan: tuple[StepShown, ...]
+    bound_code_values: float
+    """What all skips together change at most."""
+    milliseconds: dict[str, float]
+    """Of each part: scene, measure, kernel, plan, each effect that ran, encode, and `sink`."""
+    budget_ms: float | None
+    fps: float
+    """Asked for."""
+    reached_fps: float
+    """Frames in the last second or so."""
+    dropped: int
+    """Frames left out so far."""
+    latency: LatencyMs | None
+    """None where no state was fresh, or came from another machine's clock."""
+    take: str | None
+    """The folder in which all is kept; None while nothing is."""
+    trouble: str | None = None
+    """What went wrong and goes on being so, for a person: a take that ended since the disk is full."""
+
+
+class EngineEye(msgspec.Struct, frozen=True):
+    """What to apply to one eye's image. Images are linear Rec.709 in cd/m², right after the scene was drawn."""
+
+    eye: str
+    gaze_deg: tuple[float, float]
+    openness: float
+    """0 lid closed … 1 open."""
+    blink: bool
+    pupil_mm: float
+    adapted_cd_m2: float
+    glare: str
+    """The level; `skipped` and `off` mean that there is nothing to do."""
+    kernel: int
+    """The number of the kernel message that belongs to it; 0 while no glare runs."""
+    acuity: str
+    """The level; `fit`: blur luminance by a Gaussian of σ = max(1 − L*, 0) px, L* of the pixel's luminance in cd/m²."""
+    acuity_sigma_px: float
+    """σ for a pixel of the luminance that the eye is adapted to; for engines that blur the frame evenly."""
+    exposure: float
+    """1/(cd/m²): what to multiply the image by before the tone curve."""
+    tone: str
+    """The operator."""
+    tint_rgb: tuple[float, float, float]
+    """Linear, of 1 cd/m² of grey."""
+    tint_share: float
+    """How far colours go to luminance·tint, 0 to 1, after the tone curve; 0 where night colour does not run."""
+
+
+class EngineFrame(msgspec.Struct, frozen=True):
+    """What a game engine needs to apply the effects itself, once a frame (topic `engine`)."""
+
+    frame: int
+    t_ns: int
+    eyes: tuple[EngineEye, ...]
+    display_peak_cd_m2: float
+
+
+class EngineKernel(msgspec.Struct, frozen=True):
+    """A glare kernel (topic `kernel`): when it changes, and anew whenever somebody subscribes."""
+
+    number: int
+    eye: str
+    side: int
+    """Odd; the light's own pixel is in the middle."""
+    pixels_per_deg: float
+    rgb: bytes
+    """half floats, little endian: [row][column][red, green, blue], what a pixel of white light gives to those around
+    it; its own pixel's in the middle; the sum of each channel and the veil's share is 1."""
+    veil_share: float
+    """Light that goes farther than the kernel reaches."""
+
+
+_encoder = msgspec.msgpack.Encoder()
+
+
+class _Envelope(msgspec.Struct, frozen=True):
+    entoptic: int
+    body: msgspec.Raw
+
+
+def encode(body: msgspec.Struct) -> bytes:
+    """The second part of a message."""
+    return _encoder.encode({"entoptic": VERSION, "body": body})
+
+
+def decode(message: bytes, kind: type[Body]) -> Body:
+    """The body of a message's second part. Raises MessageError that says what is wrong."""
+    try:
+        envelope = msgspec.msgpack.decode(message, type=_Envelope)
+        if envelope.entoptic != VERSION:
+            raise MessageError(f"a message of version {envelope.entoptic}, this program reads version {VERSION}")
+        return msgspec.msgpack.decode(envelope.body, type=kind)
+    except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
+        raise MessageError(f"no message of a worker: {error}") from None
