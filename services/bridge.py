@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import csv
 import dataclasses
+import functools
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
@@ -12,7 +13,9 @@ import msgspec
 import structlog
 
 from services.control import Control
+from services.live.requests import TrackerRequest
 from services.process import Stop
+from services.tracker_tasks import told
 from tracker_bridge import bridge
 from tracker_bridge.access import ServerKeys
 from tracker_bridge.chain import Chain, Lane
@@ -80,7 +83,13 @@ def run(source: Source, settings: BridgeSettings, stop: Stop, log: structlog.typ
     live = source.info.live
     with contextlib.ExitStack() as opened:
         opened.callback(publisher.close)
-        control = Control(settings.control_address, source, settings.keys, publisher.context)
+        control: Control[TrackerRequest] = Control(
+            settings.control_address,
+            TrackerRequest,
+            functools.partial(told, source),
+            settings.keys,
+            publisher.context,
+        )
         opened.callback(control.close)
         on_record = opened.enter_context(_tables(settings.tables))
         states_at, events_at = publisher.addresses

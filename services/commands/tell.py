@@ -2,14 +2,23 @@
 
 from __future__ import annotations
 
+import enum
 from typing import Annotated
 
 import typer
 from rich.markup import escape
 
-from services.control import Task
 from services.options import ClientKeysFolder
 from services.terminal import console
+
+
+class Task(enum.StrEnum):
+    """What a tracker can be asked to do."""
+
+    START_RECORDING = "start recording"
+    STOP_RECORDING = "stop recording"
+    START_CALIBRATION = "start calibration"
+    STOP_CALIBRATION = "stop calibration"
 
 
 def tell(
@@ -19,8 +28,15 @@ def tell(
     keys: ClientKeysFolder = None,
 ) -> None:
     """Have a bridge's tracker start or stop a recording, or its own gaze calibration."""
+    import msgspec
+
     from services import control
     from services import keys as key_files
+    from services.live.requests import TrackerRequest
 
+    if name and task is not Task.START_RECORDING:
+        raise typer.BadParameter("only a recording that starts is given a name", param_hint="--name")
+    wish = {"do": task.value} | ({"name": name} if name else {})
+    request = msgspec.convert(wish, TrackerRequest)
     client = None if keys is None else key_files.load_client(keys)
-    console.print(escape(control.tell(address, control.Request(task, name), client)))
+    console.print(escape(control.tell(address, request, client).reply))

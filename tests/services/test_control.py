@@ -1,5 +1,6 @@
-"""What a running bridge may be asked."""
+"""What a running process, and a bridge's tracker, may be asked."""
 
+import functools
 import threading
 from collections.abc import Iterator
 
@@ -9,7 +10,15 @@ import zmq
 from hypothesis import given
 from hypothesis import strategies as st
 
-from services.control import Control, ControlError, Request, Task, tell
+from services.control import Control, ControlError, Reply, tell
+from services.live.requests import (
+    StartCalibration,
+    StartRecording,
+    StopCalibration,
+    StopRecording,
+    TrackerRequest,
+)
+from services.tracker_tasks import told
 from tracker_bridge.access import OpenAddressError
 from tracker_bridge.publisher import PortInUseError
 from tracker_bridge.source import SourceError
@@ -36,12 +45,16 @@ class Tracker:
         self.orders.append("stop calibrating")
 
 
+def control_of(source: object, address: str, context: zmq.Context[zmq.Socket[bytes]]) -> Control[TrackerRequest]:
+    return Control(address, TrackerRequest, functools.partial(told, source), None, context)
+
+
 class Attended:
     """A control whose bridge attends it."""
 
     def __init__(self, source: object) -> None:
         self.context: zmq.Context[zmq.Socket[bytes]] = zmq.Context()
-        self.control = Control("tcp://127.0.0.1:*", source, None, self.context)
+        self.control = control_of(source, "tcp://127.0.0.1:*", self.context)
         self._over = threading.Event()
         self._thread = threading.Thread(target=self._attend)
         self._thread.start()
@@ -70,37 +83,45 @@ def address(tracker: Tracker) -> Iterator[str]:
 
 
 def test_each_task_reaches_the_tracker(tracker: Tracker, address: str) -> None:
-    for task in Task:
-        assert task in tell(address, Request(task, "mine"))
+    for request in (StartRecording("mine"), StopRecording(), StartCalibration(), StopCalibration()):
+        assert str(request.__struct_config__.tag) in tell(address, request).reply
     assert tracker.orders == ["record mine", "stop recording", "calibrate", "stop calibrating"]
+
+
+def test_the_form_on_the_wire_is_the_documented_one(tracker: Tracker, address: str) -> None:
+    with zmq.Context() as context, context.socket(zmq.REQ) as socket:
+        socket.connect(address)
+        socket.send(msgspec.msgpack.encode({"do": "start recording", "name": "mine"}))
+        reply = msgspec.msgpack.decode(socket.recv())
+    assert (reply["done"], tracker.orders) == (True, ["record mine"])
 
 
 def test_what_the_tracker_refuses_is_said(tracker: Tracker, address: str) -> None:
     with pytest.raises(ControlError, match="no such name"):
-        tell(address, Request(Task.START_RECORDING, "bad/name"))
+        tell(address, StartRecording("bad/name"))
     assert tracker.orders == []
 
 
 def test_a_source_that_cannot_is_said() -> None:
     attended = Attended(object())
     with pytest.raises(ControlError, match="run the bridge on `capture`"):
-        tell(attended.control.address, Request(Task.STOP_RECORDING))
+        tell(attended.control.address, StopRecording())
     attended.close()
 
 
 def test_nobody_there() -> None:
     with pytest.raises(ControlError, match="nobody answers"):
-        tell("tcp://127.0.0.1:9", Request(Task.STOP_RECORDING))
+        tell("tcp://127.0.0.1:9", StopRecording())
 
 
 def test_only_this_machine_without_keys() -> None:
     with zmq.Context() as context, pytest.raises(OpenAddressError):
-        Control("tcp://0.0.0.0:*", object(), None, context)
+        control_of(object(), "tcp://0.0.0.0:*", context)
 
 
 def test_an_address_in_use(address: str) -> None:
     with zmq.Context() as context, pytest.raises(PortInUseError, match="choose another port"):
-        Control(address, object(), None, context)
+        control_of(object(), address, context)
 
 
 class Insistent:
@@ -121,18 +142,26 @@ class Insistent:
 
 
 def test_whoever_asks_without_end_does_not_hold_the_bridge_up() -> None:
-    control = Control.__new__(Control)
-    socket = Insistent()
-    control._socket = socket  # type: ignore[assignment]
-    control.attend()
-    assert socket.answered == 1
+    with zmq.Context() as context:
+        control = control_of(Tracker(), "tcp://127.0.0.1:*", context)
+        control.close()
+        socket = Insistent()
+        control._socket = socket  # type: ignore[assignment]
+        control.attend()
+        assert socket.answered == 1
+
+
+@pytest.fixture(scope="module")
+def unattended() -> Iterator[Control[TrackerRequest]]:
+    with zmq.Context() as context:
+        control = control_of(Tracker(), "tcp://127.0.0.1:*", context)
+        yield control
+        control.close()
 
 
 @given(
-    st.binary(max_size=200)
+    message=st.binary(max_size=200)
     | st.builds(msgspec.msgpack.encode, st.dictionaries(st.text(), st.integers(-(2**63), 2**63) | st.text()))
 )
-def test_any_bytes_get_an_answer(message: bytes) -> None:
-    control = Control.__new__(Control)
-    control._source = Tracker()
-    assert isinstance(control._answer(message).reply, str)
+def test_any_bytes_get_an_answer(unattended: Control[TrackerRequest], message: bytes) -> None:
+    assert isinstance(unattended._answer(message), Reply)

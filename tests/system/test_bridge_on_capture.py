@@ -12,7 +12,8 @@ from pathlib import Path
 
 import pytest
 
-from services.control import Request, Task, tell
+from services.control import tell
+from services.live.requests import StartRecording
 from services.reader import StateReader
 from tracker_bridge.events import SourceBack, SourceSilent, TaskOutcome, TrackerTask
 from tracker_bridge.samples import PupilSample
@@ -87,7 +88,7 @@ def test_a_bridge_outlives_a_tracker_that_comes_late_restarts_and_records(tmp_pa
             ear.until(lambda: ear.count(SourceBack) >= 2)  # there, and there again
             begun = len(ear.states)
             ear.until(lambda: len(ear.states) > begun and ear.states[-1].t_ns - ear.states[begun].t_ns > 3e9)
-            assert "told" in tell(control, Request(Task.START_RECORDING, "mine"))
+            assert "told" in tell(control, StartRecording("mine")).reply
             ear.until(lambda: ear.count(TrackerTask) >= 1)
         silent = ear.count(SourceSilent)
         ear.until(lambda: ear.count(SourceSilent) > silent)  # gone for good
