@@ -68,7 +68,9 @@ def _rows(path: str) -> tuple[list[float], list[float], bool]:
     try:
         with Path(path).open(encoding="utf-8-sig", newline="") as file:
             rows = [(number, row) for number, row in enumerate(csv.reader(file), 1) if any(map(str.strip, row))]
-    except (OSError, UnicodeDecodeError, ValueError, csv.Error) as error:
+    except OSError as error:
+        raise FrameError(f"tone curve {path}: {error.strerror}; give the path of a CSV file") from None
+    except (UnicodeDecodeError, ValueError, csv.Error) as error:
         raise FrameError(f"tone curve {path}: cannot be read as CSV: {error}") from None
     header = [field.strip() for field in rows[0][1]] if rows else []
     if len(header) != 2 or header[0] not in HEADERS or header[1] != "share":

@@ -78,8 +78,12 @@ def test_a_file_that_is_no_rising_curve_is_refused_with_its_line(tmp_path: Path,
 
 def test_a_file_that_cannot_be_read_is_named(tmp_path: Path) -> None:
     (tmp_path / "picture.csv").write_bytes(bytes(range(255)))
-    for name in ("none.csv", "picture.csv", "."):
-        with pytest.raises(FrameError, match=r"tone curve .*: "):
+    for name, says in (
+        ("none.csv", "No such file or directory; give the path of a CSV file"),
+        ("picture.csv", "cannot be read as CSV"),
+        (".", "; give the path of a CSV file"),
+    ):
+        with pytest.raises(FrameError, match=rf"tone curve .*: .*{says}"):
             own_curve.read_curve(str(tmp_path / name))
 
 
