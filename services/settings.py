@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import enum
+import re
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -9,6 +11,9 @@ import msgspec
 
 from pipeline import Display, Effects, Observer, Planning
 from pipeline.plan import LEAVABLE
+
+_PLACE = re.compile(r"`\$\.([\w.]+)")
+"""How msgspec says where in a file it is."""
 
 
 class SettingsError(Exception):
@@ -32,10 +37,24 @@ def load(path: Path | None) -> Settings:
     except OSError as error:
         raise SettingsError(f"settings file {path}: {error.strerror}; give the path of a TOML file") from None
     except (msgspec.DecodeError, UnicodeDecodeError) as error:
-        known = "; ".join(
-            f"[{field.name}] {', '.join(field.type.__struct_fields__)}" for field in msgspec.structs.fields(Settings)
-        )
-        raise SettingsError(f"settings file {path}: {error}. It may hold {known}") from None
+        raise SettingsError(f"settings file {path}: {error}. {_may_hold(str(error))}") from None
+
+
+def _may_hold(error: str) -> str:
+    """What is allowed where the error lies: values of a choice, keys of a table, or the tables."""
+    found = _PLACE.search(error)
+    table: type[msgspec.Struct] = Settings
+    names: list[str] = []
+    for name in found[1].split(".") if found else []:
+        inner = {field.name: field.type for field in msgspec.structs.fields(table)}.get(name)
+        if isinstance(inner, type) and issubclass(inner, enum.Enum):
+            return f"{name} may be {', '.join(str(each.value) for each in inner)}"
+        if not (isinstance(inner, type) and issubclass(inner, msgspec.Struct)):
+            break
+        table = inner
+        names.append(name)
+    keys = ", ".join(table.__struct_fields__)
+    return f"[{'.'.join(names)}] may hold {keys}" if names else f"Its tables may be {keys}"
 
 
 def planned(settings: Settings, budget_ms: float | None, everything: bool, without: Sequence[str]) -> Settings:
