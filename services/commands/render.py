@@ -64,6 +64,7 @@ def render(
     prepare_jax()
     from pipeline import Glare, Looking
     from services import render as renders
+    from services.explain.subject import from_image
     from services.settings import load, planned
 
     loaded = planned(load(settings), budget_ms, everything, without)
@@ -81,9 +82,8 @@ def render(
         )
     except msgspec.ValidationError as error:
         raise typer.BadParameter(f"{error}; see --help", param_hint="--glare and --level") from None
-    renders.run(
-        image,
-        output,
+    seen = from_image(
+        str(image),
         replace(loaded, observer=observer, display=display, glare=chosen),
         Looking(*direction_of(gaze), pupil_mm),
         adaptation,
@@ -91,8 +91,8 @@ def render(
         mean_luminance,
         (width, height),
         tuple(light_of(text) for text in light),
-        console,
     )
+    renders.run(seen, output, console)
 
 
 def light_of(text: str) -> Light:

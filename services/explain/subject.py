@@ -13,7 +13,8 @@ from typing import Any
 import msgspec
 import numpy as np
 
-from pipeline import Frame, FrameError, Light, Looking, View
+from pipeline import Frame, FrameError, Light, Looking, Perceived, Planning, RenderState, View, perceive
+from pipeline.budget import CostModel
 from pipeline.scenes import Head, image_file, open_scene
 from services.settings import Settings
 from tracker_bridge.wire import Eye
@@ -37,6 +38,19 @@ class Subject:
     t_s: float | None = None
     """Of a session's frame: when it was."""
     notes: tuple[str, ...] = ()
+
+    def perceived(self, costs: CostModel, planning: Planning | None = None) -> Perceived:
+        """As a person perceives it; planned as the settings say unless given otherwise."""
+        return perceive(
+            self.frame,
+            self.looking,
+            observer=self.settings.observer,
+            display=self.settings.display,
+            state=None if self.adapted_cd_m2 is None else RenderState(self.adapted_cd_m2),
+            effects=self.settings,
+            planning=planning or self.settings.plan,
+            costs=costs,
+        )
 
 
 def from_image(

@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Float
 from msgspec.structs import replace
 
-from pipeline import Effect, GlareLevel, Perceived, Planning, RenderState, perceive
+from pipeline import Effect, GlareLevel, Perceived, Planning
 from pipeline.budget import SHIPPED, CostModel
 from pipeline.effects.encode import srgb_codes
 from pipeline.plan import SKIPPED
@@ -61,12 +61,11 @@ def explain(subject: Subject, done: Callable[[], None] = lambda: None, costs: Co
 
     `costs` matter where the settings' plan has a budget.
     """
-    planning = subject.settings.plan
-    _perceive(subject, planning, costs)  # compiles: its times mean nothing
+    subject.perceived(costs)  # compiles: its times mean nothing
     done()
-    planned = _perceive(subject, planning, costs)
+    planned = subject.perceived(costs)
     done()
-    full = _perceive(subject, Planning(everything=True), costs)
+    full = subject.perceived(costs, Planning(everything=True))
     done()
     touched = {}
     glare = planned.plan[Effect.GLARE].level
@@ -78,7 +77,7 @@ def explain(subject: Subject, done: Callable[[], None] = lambda: None, costs: Co
         if step.runs and step.effect not in ALWAYS:
             # The others as they were: what a budget saves here is spent on none of them.
             left_out = frozenset(one.effect for one in planned.plan if one.level == SKIPPED) | {step.effect}
-            without = _perceive(as_planned, Planning(everything=True, leave_out=left_out), costs)
+            without = as_planned.perceived(costs, Planning(everything=True, leave_out=left_out))
             touched[step.effect] = Touch(np.abs(code_values(planned) - code_values(without)).max(-1))
         done()
     return Explained(planned, full, touched)
@@ -94,16 +93,3 @@ def code_values(perceived: Perceived) -> Float[np.ndarray, "eye y x 3"]:
     if not np.issubdtype(perceived.image.dtype, np.floating):
         return perceived.image.astype(np.float64)
     return np.asarray(srgb_codes(perceived.linear, 0.0), np.float64)
-
-
-def _perceive(subject: Subject, planning: Planning, costs: CostModel) -> Perceived:
-    return perceive(
-        subject.frame,
-        subject.looking,
-        observer=subject.settings.observer,
-        display=subject.settings.display,
-        state=None if subject.adapted_cd_m2 is None else RenderState(subject.adapted_cd_m2),
-        effects=subject.settings,
-        planning=planning,
-        costs=costs,
-    )
