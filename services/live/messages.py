@@ -122,28 +122,47 @@ class EngineEye(msgspec.Struct, frozen=True):
     """What to apply to one eye's image. Images are linear Rec.709 in cd/m², right after the scene was drawn."""
 
     eye: str
+    """left or right."""
     gaze_deg: tuple[float, float]
+    """To the right and up, from straight ahead of the head."""
     openness: float
     """0 lid closed … 1 open."""
     blink: bool
+    """Whether a lid moves or is down: the phases closing, blink and opening."""
     pupil_mm: float
     adapted_cd_m2: float
     glare: str
-    """The level; `skipped` and `off` mean that there is nothing to do."""
+    """The level; `skipped` and `off` mean that there is nothing to do, `veil` that only the veil is to be applied."""
     kernel: int
     """The number of the kernel message that belongs to it; 0 while no glare runs."""
+    kernel_weight: float
+    """How much of what the kernel changes is to be applied, 0 to 1: between them while glare fades in or out."""
+    veil_weight: float
+    """The same of what the veil changes."""
+    glare_ceiling_cd_m2: float | None
+    """Where given, only a pixel's light above this luminance scatters."""
     acuity: str
     """The level; `fit`: blur luminance by a Gaussian of σ = max(1 − L*, 0) px, L* of the pixel's luminance in cd/m²."""
+    acuity_weight: float
+    """How much of what the blur changes is to be applied."""
     acuity_sigma_px: float
     """σ for a pixel of the luminance that the eye is adapted to; for engines that blur the frame evenly."""
-    exposure: float
-    """1/(cd/m²): what to multiply the image by before the tone curve."""
     tone: str
     """The operator."""
+    hue: str
+    """What becomes of colours beyond the display's: clip, rgb or xyy."""
+    exposure: float
+    """1/(cd/m²): what to multiply the image by before the tone curve."""
+    tone_numbers: tuple[float, ...]
+    """The operator's numbers for this eye, the exposure first where it has one (docs/engine.md)."""
+    night_colour: str
+    """The method."""
     tint_rgb: tuple[float, float, float]
     """Linear, of 1 cd/m² of grey."""
     tint_share: float
     """How far colours go to luminance·tint, 0 to 1, after the tone curve; 0 where night colour does not run."""
+    rod_weights: tuple[float, float, float]
+    """By which red, green and blue are weighed for that luminance."""
 
 
 class EngineFrame(msgspec.Struct, frozen=True):
@@ -151,23 +170,41 @@ class EngineFrame(msgspec.Struct, frozen=True):
 
     frame: int
     t_ns: int
+    """When the worker began its own frame, on its monotonic clock."""
     eyes: tuple[EngineEye, ...]
+    """Left to right."""
     display_peak_cd_m2: float
+    """The 1 of the picture after the tone curve, with what the screen reflects."""
+    display_black_share: float
+    """Of it, what the screen shows for black: to be taken away before encoding, the rest spread over 0 to 1."""
 
 
 class EngineKernel(msgspec.Struct, frozen=True):
-    """A glare kernel (topic `kernel`): when it changes, and anew whenever somebody subscribes."""
+    """A glare kernel (topic `kernel`): when it changes, and anew whenever somebody subscribes.
+
+    What a pixel of white light becomes. A pixel keeps `stays_rgb` of its light, those around it get `rgb`·`scale`, and
+    the veil takes `veil_share`; these add up to 1 in each channel, so a plain wall stays as it is in any colour.
+    """
 
     number: int
     eye: str
+    """left or right."""
     side: int
     """Odd; the light's own pixel is in the middle."""
     pixels_per_deg: float
+    """In the middle of the view. A view of other pixels per degree needs it resized, and its sum kept."""
     rgb: bytes
-    """half floats, little endian: [row][column][red, green, blue], what a pixel of white light gives to those around
-    it; its own pixel's in the middle; the sum of each channel and the veil's share is 1."""
+    """Half floats, little endian: [row][column][red, green, blue]; to be multiplied by `scale`. 0 in the middle."""
+    scale: float
+    """A power of two, such that half floats hold both the first ring and the last one with all their digits."""
+    stays_rgb: tuple[float, float, float]
+    """What the light's own pixel keeps."""
     veil_share: float
     """Light that goes farther than the kernel reaches."""
+    veil_deg: tuple[float, ...]
+    """Angles from the light, ascending; beyond the last one the veil is 0, straight between two of them."""
+    veil_per_sr: tuple[float, ...]
+    """The veil there: luminance for each cd/m² and steradian of a light."""
 
 
 _encoder = msgspec.msgpack.Encoder()
