@@ -8,12 +8,15 @@ import os
 import signal
 import sys
 import threading
+import time
 from collections.abc import Iterator
 from pathlib import Path
 from types import FrameType
 
 import structlog
 
+STOPS_WITHIN_S = 10.0
+"""An encoder may have frames to flush; after that a process that was asked to stop is ended by force."""
 _M_TRIM_THRESHOLD, _M_MMAP_MAX = -1, -4
 """glibc's malloc.h."""
 
@@ -44,13 +47,18 @@ class Stop:
         return self
 
     def with_parent(self) -> Stop:
-        """Stops when the parent is gone: it holds the other end of this process's standard input."""
+        """Stops when the parent is gone: it holds the other end of this process's standard input.
+
+        In the middle of a long compilation nobody looks whether to stop: then it ends by force.
+        """
 
         def wait() -> None:
             # Not sys.stdin, whose lock this thread would hold when the interpreter ends.
             while os.read(0, 4096):
                 pass
             self.set()
+            time.sleep(STOPS_WITHIN_S)
+            os._exit(1)
 
         threading.Thread(target=wait, name="parent-watch", daemon=True).start()
         return self
@@ -93,6 +101,15 @@ def cache_folder() -> Path:
     else:
         base = Path(os.environ.get("XDG_CACHE_HOME", Path.home() / ".cache"))
     return base / "entoptic"
+
+
+def state_folder() -> Path:
+    """Where running processes leave word of themselves, and their logs: $XDG_STATE_HOME/entoptic, or the like."""
+    if sys.platform == "win32":
+        return Path(os.environ.get("LOCALAPPDATA", Path.home() / "AppData" / "Local")) / "entoptic" / "state"
+    if sys.platform == "darwin":
+        return Path.home() / "Library" / "Application Support" / "entoptic"
+    return Path(os.environ.get("XDG_STATE_HOME", Path.home() / ".local" / "state")) / "entoptic"
 
 
 def prepare_jax() -> None:

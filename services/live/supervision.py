@@ -1,0 +1,66 @@
+"""When a process that crashed is started anew, and when it is given up; pure, so that no process is needed to test it.
+
+A crash is any end that nobody asked for. The first one is followed by a new start after FIRST_S, each further one after
+twice as long, LONGEST_S at most; a process that ran for WINDOW_S begins from the beginning. One that crashed MOST times
+within WINDOW_S, or as often in a row without ever being ready, is given up.
+"""
+
+from __future__ import annotations
+
+from typing import Final
+
+import msgspec
+
+FIRST_S: Final = 0.2
+LONGEST_S: Final = 5.0
+WINDOW_S: Final = 30.0
+MOST: Final = 5
+
+
+class Restarts(msgspec.Struct, frozen=True):
+    """What is remembered of a process's crashes; times are of any clock in seconds."""
+
+    crashes_s: tuple[float, ...] = ()
+    """Those within the last WINDOW_S."""
+    in_a_row: int = 0
+    """Without WINDOW_S of work between them."""
+    never_ready: int = 0
+    """In a row, before it was ready."""
+
+    def crashed(self, now_s: float, ran_s: float, *, was_ready: bool) -> Restarts:
+        """After one more crash; `ran_s` is how long the process had run."""
+        recent = tuple(one for one in self.crashes_s if now_s - one < WINDOW_S)
+        return Restarts(
+            (*recent, now_s),
+            1 if ran_s >= WINDOW_S else self.in_a_row + 1,
+            0 if was_ready else self.never_ready + 1,
+        )
+
+    @property
+    def given_up(self) -> bool:
+        """Whether it is not to be started again."""
+        return len(self.crashes_s) >= MOST or self.never_ready >= MOST
+
+    @property
+    def delay_s(self) -> float:
+        """From the last crash to the new start."""
+        return min(FIRST_S * 2.0 ** max(self.in_a_row - 1, 0), LONGEST_S)
+
+
+class Gap(msgspec.Struct, frozen=True):
+    """While a process was not there; on the monotonic clock."""
+
+    process: str
+    from_ns: int
+    to_ns: int | None
+    """When it was ready again; None while it is not."""
+    why: str
+
+    def since(self, start_ns: int) -> dict[str, object]:
+        """As it is told: seconds from a start."""
+        return {
+            "process": self.process,
+            "from_s": round((self.from_ns - start_ns) * 1e-9, 3),
+            "to_s": None if self.to_ns is None else round((self.to_ns - start_ns) * 1e-9, 3),
+            "why": self.why,
+        }
