@@ -1,0 +1,330 @@
+"""Every message between the console's server and a page, over the WebSocket `/live`.
+
+**Server → page, text**: a JSON array of messages, each an object whose `type` says which: `hello`, `fields`,
+`settings`, `traces`, `marks`, `shown`, `status`, `reply`, `bye`. A page passes over types and keys that it does not
+know. The first array begins with `hello`; then `fields`, `settings` and `status` come without being asked.
+
+**Server → page, binary**: one picture: 1 byte kind (PERCEIVED or DISPLAYED), 4 bytes frame number (unsigned, big
+endian), then a JPEG. Only the newest picture is sent; a page that is slow misses pictures. Before a picture comes the
+`shown` of its frame, unless the page fell behind.
+
+**Page → server, text**: one JSON object, 64 kB at most, whose `do` says which request of requests.py, and whose
+`id` comes back in the reply's `re`. Each request is answered once, in order; what is not understood too.
+
+Times `t_s` are seconds on the server's monotonic clock since `hello`'s zero, the same for all pages; `traces` says what
+time it is now. Lengths are in mm, angles in degrees, to the right and up positive. What is not known is null, never 0.
+"""
+
+from __future__ import annotations
+
+from typing import Any, Final, Literal
+
+import msgspec
+
+from services.live.messages import EyeShown, LatencyMs, StepShown
+
+VERSION: Final = 1
+PERCEIVED, DISPLAYED = 1, 2
+"""First byte of a picture."""
+
+
+class _Message(msgspec.Struct, frozen=True, tag_field="type"):
+    """Server → page."""
+
+
+class Hello(_Message, frozen=True, tag="hello"):
+    """The first message of every connection."""
+
+    version: int
+    """Of this protocol: a page that expects another one reloads itself."""
+    program: str
+    """The program's version."""
+    hosted: bool
+    """Whether sessions can be started, stopped and recorded from here; otherwise bridge and worker run by themselves
+    and the buttons for that are hidden."""
+    screens_url: str | None
+    """Where the full-screen page of a pupil calibration is: `/screens/`; null where there is none."""
+    seconds_kept: float
+    """How many seconds of traces a page gets at once when it connects, so that it need not begin empty."""
+
+
+class Field(msgspec.Struct, frozen=True):
+    """One setting as something to move."""
+
+    path: str
+    """Where it stands in the settings, like `observer.age_years`."""
+    group: str
+    """Heading: Observer, Display, Plan, Glare …"""
+    label: str
+    """For a person, with its unit."""
+    kind: Literal["number", "int", "bool", "choice", "choices", "text"]
+    """`choices`: any number of `options`, a list of strings."""
+    default: Any
+    help: str
+    """A sentence; may be empty."""
+    first: bool = False
+    """Whether it belongs to those that are always in sight (LUI §5.2.4); the others may be folded away."""
+    low: float | None = None
+    high: float | None = None
+    """The range, ends included unless `low_open`; null where there is none."""
+    low_open: bool = False
+    """`low` itself is not allowed."""
+    step: float | None = None
+    """A step that suits a slider; the server takes any value in the range."""
+    log: bool = False
+    """Whether a slider is better logarithmic."""
+    optional: bool = False
+    """Whether null, for none, is allowed."""
+    options: tuple[tuple[str, str], ...] = ()
+    """Of a choice: each value, and a sentence on it that may be empty."""
+
+
+class Fields(_Message, frozen=True, tag="fields"):
+    """All settings, those to show first first. Once a connection."""
+
+    fields: tuple[Field, ...]
+
+
+class SettingsNow(_Message, frozen=True, tag="settings"):
+    """The settings in force, all of them: after `hello`, and whenever any page changed one."""
+
+    settings: dict[str, Any]
+    """Nested tables as of services.settings.Settings: `settings.observer.age_years`."""
+    observer: str | None = None
+    """The saved observer that they were loaded from or saved to, while nothing was changed since."""
+    because_of: int | None = None
+    """In the page that asked, the id of its request; null in all others."""
+
+
+class EyeTrace(msgspec.Struct, frozen=True):
+    """One eye; each list as long as the `t_s` beside it."""
+
+    measured_mm: list[float | None]
+    """As the tracker gave it, nonsense included."""
+    diameter_mm: list[float | None]
+    """As trusted and filtered."""
+    phase: list[str]
+    """tracking, closing, blink, opening, dropout or lost: shade what is not `tracking`."""
+    openness: list[float | None]
+    """0 closed … 1 open."""
+    borrowed: list[bool]
+    """Whether the diameter is the other eye's."""
+
+
+class Traces(_Message, frozen=True, tag="traces"):
+    """Eye states since the last one, about 25 times a second; empty lists while none come."""
+
+    now_s: float
+    """The time now: where a scrolling plot ends."""
+    t_s: list[float]
+    left: EyeTrace
+    right: EyeTrace
+    gaze_deg: list[tuple[float, float] | None]
+    """Azimuth and elevation of both eyes together."""
+
+
+class Mark(msgspec.Struct, frozen=True):
+    """Something that happened."""
+
+    what: Literal[
+        "blink onset",
+        "blink",
+        "pupil lost",
+        "pupil back",
+        "saccade",
+        "microsaccade",
+        "source silent",
+        "source back",
+        "clock jumped",
+        "tracker task",
+        "tracker status",
+        "stream started",
+        "stream ended",
+    ]
+    """`blink` comes when it is over, after its `blink onset`; dropouts are to be seen in a trace's `phase`."""
+    t_s: float
+    """When it was, or began."""
+    until_s: float | None = None
+    """When it ended, of a blink or a saccade."""
+    eye: Literal["left", "right"] | None = None
+    """None where it is of both, or of none."""
+    amplitude_deg: float | None = None
+    """Of a saccade."""
+    text: str = ""
+    """For a person: the tracker's words, a reason."""
+    task: str | None = None
+    """Of a tracker's task: gaze calibration or recording."""
+    outcome: str | None = None
+    """Of a tracker's task: started, succeeded, failed or stopped."""
+
+
+class Marks(_Message, frozen=True, tag="marks"):
+    """Events since the last one, each once, in the order in which the bridge told them."""
+
+    marks: list[Mark]
+
+
+class ShownNow(_Message, frozen=True, tag="shown"):
+    """What was rendered in a frame, as of services.live.messages.Shown; with many pages open not of every frame."""
+
+    frame: int
+    t_s: float
+    """When the frame was begun."""
+    width_px: int
+    height_px: int
+    """Of one eye's image. A picture holds all eyes' side by side, in the order of `eyes`, perhaps scaled down."""
+    eyes: tuple[EyeShown, ...]
+    """Each with eye, phase, gaze_deg, gaze_px, pupil_mm, openness, adapted_cd_m2, mean_cd_m2, max_cd_m2, window_px."""
+    plan: tuple[StepShown, ...]
+    """Each with effect, level, runs, reason, bound_code_values, ms."""
+    bound_code_values: float
+    milliseconds: dict[str, float]
+    budget_ms: float | None
+    fps: float
+    reached_fps: float
+    dropped: int
+    latency: LatencyMs | None
+    take: str | None
+    """Name of the take's folder."""
+    trouble: str | None
+
+
+class Latency(msgspec.Struct, frozen=True):
+    """From a sample to its light, over the frames of the last minute."""
+
+    p50_ms: float
+    p95_ms: float
+    bin_ms: float
+    """Width of a bar of the histogram; the first begins at 0."""
+    counts: list[int]
+    """Frames in each bar; the last one holds all that took longer."""
+    sample_to_state_ms: float
+    """Medians of the three parts."""
+    state_to_frame_ms: float
+    frame_to_sink_ms: float
+
+
+class Process(msgspec.Struct, frozen=True):
+    """One process of the session."""
+
+    name: str
+    state: str
+    """starting, running, restarting, stopped or failed; `silent` where it does not answer."""
+    restarts: int = 0
+    last_error: str | None = None
+
+
+class Problem(msgspec.Struct, frozen=True):
+    """Something that is wrong."""
+
+    name: str
+    """Stays the same while the problem lasts: `no tracker`, `pupil lost left` …"""
+    severity: Literal["error", "warning", "note"]
+    """error: the session does not work; warning: it works worse; note: nothing is wrong, but good to know."""
+    what: str
+    """A sentence for a person."""
+    remedy: str
+    """What to do."""
+
+
+class Status(_Message, frozen=True, tag="status"):
+    """How it goes, twice a second."""
+
+    running: bool
+    """Whether a session runs."""
+    preparing: bool
+    """Whether the worker still compiles: no frames yet."""
+    source: str | None
+    scene: str | None
+    choice: dict[str, Any] | None
+    """The SessionChoice that it was started with; null where this is not known."""
+    started: str | None
+    """ISO time."""
+    sample_rate_hz: float | None
+    """Of the tracker, by the bridge."""
+    states_hz: float
+    """States that came here in the last two seconds, each second."""
+    clock_uncertainty_ms: float | None
+    late_samples: int
+    silent: str | None
+    """Why nothing comes from the tracker; null while it does."""
+    fps: float | None
+    """Asked for."""
+    reached_fps: float | None
+    dropped: int | None
+    """Frames left out so far."""
+    budget_ms: float | None
+    latency: Latency | None
+    processes: tuple[Process, ...]
+    take: str | None
+    """Name of the folder that is being written; null while nothing is kept."""
+    take_s: float | None
+    """How long it is by now."""
+    last_take: str | None
+    """Name of the last finished folder; its report is at `/sessions/NAME/report.html`."""
+    calibrating: dict[str, Any] | None
+    """A pupil calibration that runs: stage, screen, step, steps, seconds_done, seconds."""
+    calibrated: dict[str, Any] | None
+    """The result of the last one; see services/live/pupil_calibration.py."""
+    pages: int
+    """Pages that are open."""
+    problems: tuple[Problem, ...]
+    """The worst first."""
+
+
+class Replied(_Message, frozen=True, tag="reply"):
+    """The answer to a request."""
+
+    re: int | None
+    """The request's id; null where it had none that could be read."""
+    done: bool
+    reply: str
+    """For a person: what was done, or why not and what to do."""
+    data: Any = None
+    """For the page; see the request."""
+
+
+class Bye(_Message, frozen=True, tag="bye"):
+    """The server closes the connection now."""
+
+    reason: str
+    again: bool
+    """Whether to try to connect again: the server is being started anew, or this page was too slow."""
+
+
+Message = Hello | Fields | SettingsNow | Traces | Marks | ShownNow | Status | Replied | Bye
+
+
+class Listed(msgspec.Struct, frozen=True):
+    """One thing of a list."""
+
+    value: str
+    """What a request names it by: of scenes and sources for a SessionChoice."""
+    label: str
+    """For a person."""
+    when: str | None = None
+    """ISO time of its last change."""
+    report_url: str | None = None
+    """Of sessions: where to look, null while there is none."""
+    film_url: str | None = None
+    folder_url: str | None = None
+    running: bool = False
+    """Of sessions: still being written."""
+
+
+_encoder = msgspec.json.Encoder()
+
+
+def encode(message: Message) -> bytes:
+    """One object, to be put into an array by `together`."""
+    return _encoder.encode(message)
+
+
+def together(messages: list[bytes]) -> str:
+    """What is sent as one text."""
+    return (b"[" + b",".join(messages) + b"]").decode()
+
+
+def picture(kind: int, frame: int, jpeg: bytes) -> bytes:
+    """What is sent as one binary message."""
+    return bytes((kind,)) + (frame & 0xFFFFFFFF).to_bytes(4, "big") + jpeg
