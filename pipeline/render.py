@@ -22,7 +22,7 @@ from pipeline.effects.adaptation import Adapted
 from pipeline.effects.adaptation.pigments import PUPIL_MM
 from pipeline.effects.afterimage import Retina
 from pipeline.effects.encode import encode
-from pipeline.effects.glare import Glare, GlareLevel, Sight, mixture, scatter
+from pipeline.effects.glare import Glare, GlareLevel, Mixture, Sight, mixture, scatter
 from pipeline.effects.settings import Effects
 from pipeline.frame import Display, Frame, FrameError, View
 from pipeline.looking import Looking
@@ -81,6 +81,8 @@ class Perceived:
     measured: tuple[Measurement, ...]
     pupil_mm: tuple[float, ...]
     """The diameters that were used."""
+    kernels: tuple[Mixture, ...]
+    """Each eye's for glare, whether it ran or not."""
     reused: bool
     """Whether nothing changed that glare depends on, so that it was not computed."""
     milliseconds: dict[str, float]
@@ -221,7 +223,7 @@ def perceive(
     image = clock.time("encode", lambda: encode(shown, display))
     after = RenderState(adapted_cd_m2, moving, glared, adapted, retinas, planned.choices, elapsed_s)
     reused = glared is not None and state is not None and glared is state.glared
-    return Perceived(image, shown, plan, after, measured, used_mm, reused, clock.milliseconds)
+    return Perceived(image, shown, plan, after, measured, used_mm, kernels, reused, clock.milliseconds)
 
 
 def as_displayed(frame: Frame, display: Display = Display()) -> np.ndarray:

@@ -126,6 +126,13 @@ def glare_frame(
     return _glare(rgb, view, mixture, whole, (0.0, 0.0), measured, ceiling_cd_m2, onto)
 
 
+def rectangle_px(view: View, mixture: Mixture, gaze_px: tuple[float, float]) -> tuple[int, int, int, int]:
+    """Left, top, width and height of the part of a frame that the gaze window convolves."""
+    window = window_of(view, _radius(mixture))
+    left, top = _corner(gaze_px[0], window.columns, view.width_px), _corner(gaze_px[1], window.rows, view.height_px)
+    return left, top, window.columns, window.rows
+
+
 def _radius(mixture: Mixture) -> int:
     return mixture[0][0].scatters.shape[2] // 2
 
