@@ -6,7 +6,7 @@ from typing import Annotated, Any
 
 import msgspec
 
-from services.options import Eyes
+from services.options import Eyes, Save
 
 DEFAULT_FPS = 24.0
 
@@ -33,5 +33,7 @@ class SessionChoice(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_
     fov: Annotated[float, msgspec.Meta(ge=1.0, le=175.0)] = 104.0
     eyes: Eyes = Eyes.LEFT
     head: str = "look-around"
+    save: tuple[Save, ...] = (Save.VIDEO,)
+    """How a take's frames are kept."""
     settings: dict[str, Any] = {}
     """Of services.settings.Settings, as built-in types; what is left out has its default."""
