@@ -5,7 +5,6 @@ import contextlib
 import io
 import itertools
 import json
-import shutil
 import subprocess
 import threading
 import time
@@ -15,6 +14,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+import chromium
 import matplotlib.image
 import numpy as np
 import pytest
@@ -27,9 +27,6 @@ from services.calibration_page import PageServer
 from tracker_bridge.calibration import Protocol, Screen, Stage, Statistic, Step
 from tracker_bridge.publisher import PortInUseError
 
-CHROMIUM = next(
-    (path for name in ("chromium", "chromium-browser", "google-chrome") if (path := shutil.which(name))), None
-)
 QUICK = Protocol(
     "quick", (Step(Screen.WHITE, 1.5, 0.5), Step(Screen.BLACK, 1.5, 0.5)), Statistic.MEDIAN, must_settle=False
 )
@@ -40,10 +37,12 @@ class Browser:
     """One page of a Chromium without a window."""
 
     def __init__(self, folder: Path, url: str) -> None:
-        assert CHROMIUM is not None
-        arguments = ["--headless", "--no-sandbox", "--disable-gpu", "--window-size=800,600", "--no-first-run"]
+        assert chromium.FOUND is not None
+        arguments = [*chromium.FLAGS, "--window-size=800,600"]
         arguments += ["--remote-debugging-port=0", f"--user-data-dir={folder}", url]
-        self._process = subprocess.Popen([CHROMIUM, *arguments], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+        self._process = subprocess.Popen(
+            [chromium.FOUND, *arguments], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
+        )
         self._numbers = itertools.count(1)
         self._stack = contextlib.ExitStack()
         try:
@@ -120,13 +119,12 @@ def server(display: SocketDisplay) -> Iterator[PageServer]:
 
 @pytest.fixture
 def browser(tmp_path: Path, server: PageServer) -> Iterator[Browser]:
-    if CHROMIUM is None:
-        pytest.skip("no chromium here: the page cannot be tried in a real browser")
     opened = Browser(tmp_path / "profile", server.url)
     yield opened
     opened.close()
 
 
+@chromium.needs_chromium
 def test_a_browser_shows_the_screens_and_says_when(
     display: SocketDisplay, server: PageServer, browser: Browser
 ) -> None:
@@ -161,6 +159,7 @@ def test_a_browser_shows_the_screens_and_says_when(
     assert browser.evaluate("document.body.className") == "grey"
 
 
+@chromium.needs_chromium
 def test_a_page_that_goes_away_pauses_and_comes_back(display: SocketDisplay, browser: Browser) -> None:
     stages: list[Stage] = []
     attempts: list[Attempt] = []
