@@ -121,8 +121,9 @@ def test_the_command_makes_both_and_says_what_to_do_with_them(tmp_path: Path) ->
     assert done.exit_code == 0
     assert f"--keys {out / 'bridge'}" in done.stderr
     assert str(out / "projector") in done.stderr
-    assert CliRunner().invoke(app, ["--out", str(out), "--client", "recorder"]).exit_code == 0
-    assert keys.load_client(out / "recorder").bridge == keys.load_server(out / "bridge").public
+    assert CliRunner().invoke(app, ["--out", str(out), "--client", "recorder", "--client", "watcher"]).exit_code == 0
+    for reader in ("recorder", "watcher"):
+        assert keys.load_client(out / reader).bridge == keys.load_server(out / "bridge").public
     assert isinstance(CliRunner().invoke(app, ["--out", str(out)]).exception, KeysError)
 
 
