@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from services.calibrate import GREY_SHARE, Room, Runner
+from services.calibrate import GREY_SHARE, CalibrationRun, Room, follow, items_now
 from services.calibration_display import NoDisplay
+from services.calibration_result import judge
 from tracker_bridge.calibration import Protocol, Screen, Statistic, Step, luidolt, robust
 from tracker_bridge.calibration_quality import Analysis
 from tracker_bridge.samples import Eye
@@ -29,8 +30,8 @@ def calibrate(protocol: Protocol, seed: int, hippus: float) -> Analysis:
         seconds=protocol.seconds + 5.0, seed=seed, hippus=hippus, luminance=((0.0, GREY_SHARE * WHITE_CD_M2),)
     )
     eyes = SimulatedLiveEyes(settings, paced=False)
-    runner = Runner(eyes, Room(NoDisplay(), eyes, WHITE_CD_M2, BLACK_CD_M2), lambda: False)
-    return runner.run(protocol).analysis
+    run = CalibrationRun(protocol, Room(NoDisplay(), eyes, WHITE_CD_M2, BLACK_CD_M2))
+    return judge(follow(run, items_now(eyes), eyes.info.name)).analysis
 
 
 def main() -> None:

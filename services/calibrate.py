@@ -1,25 +1,21 @@
-"""Runs the black and white screens before a person, or simulated eyes, and keeps the result."""
+"""Runs the black and white screens before a person, or simulated eyes: a run that a source's items step.
+
+`entoptic calibrate` owns such a run and the loop about it; in a live session the bridge steps one with the items that
+it publishes anyway (services/live/pupil_calibration.py). Nothing is judged here: see calibration_result.py.
+"""
 
 from __future__ import annotations
 
-import contextlib
 import dataclasses
-import importlib.metadata
 import time
-from collections.abc import Callable, Iterator, Sequence
-from datetime import UTC, datetime
-from pathlib import Path
-from typing import Literal, cast
+from collections.abc import Callable, Generator, Iterator, Sequence
+from typing import Protocol
 
 import msgspec
 
-from services import calibration_plot
 from services.calibration_display import Display, Request, ScreenShown
-from tracker_bridge import pupil_map
-from tracker_bridge.calibration import Calibration, Commands, Protocol, Screen, ShownScreen, Stage
-from tracker_bridge.calibration_quality import Analysis, EyeResult, Problem, analyse
-from tracker_bridge.events import SourceSilent
-from tracker_bridge.pupil_map import LUI_MM, EyeMap, MappedWindow, PupilMap, PupilMapError, Use
+from tracker_bridge import calibration as protocols
+from tracker_bridge.calibration import SHOWN_WITHIN_NS, Calibration, Commands, Screen, ShownScreen, Stage
 from tracker_bridge.samples import NS_PER_S, Eye, GazeSample, PupilSample
 from tracker_bridge.source import Item, Source, SourceError, Tick
 from tracker_bridge.sources.simulated import SimulatedSettings
@@ -29,20 +25,15 @@ GREY_SHARE = 0.2159
 """Luminance of sRGB's middle grey, #808080, of white's (IEC 61966-2-1)."""
 LONGEST_S = 900.0
 """How long simulated eyes live: long enough for pauses and repetitions, and drawn in 2 s."""
+_NO_ANSWER = "The display does not answer when it is asked for its time. Look whether it is connected, and start again."
 
 
-@dataclasses.dataclass(frozen=True)
-class Attempt:
-    """One run of a protocol and what is to be thought of it."""
+class Lit(Protocol):
+    """Eyes that answer to light."""
 
-    analysis: Analysis
-    screens: tuple[ShownScreen, ...]
-    stage: Stage
-
-    @property
-    def problems(self) -> tuple[Problem, ...]:
-        """What is wrong with it; empty for a valid one."""
-        return self.analysis.problems
+    def set_luminance(self, luminance_cd_m2: float, t_ns: int) -> None:
+        """The light before them from a time on."""
+        ...
 
 
 @dataclasses.dataclass(frozen=True)
@@ -50,7 +41,7 @@ class Room:
     """A display before simulated eyes: their light follows the screens. Without eyes, a display before a person."""
 
     display: Display
-    eyes: SimulatedLiveEyes | None = None
+    eyes: Lit | None = None
     white_cd_m2: float = 200.0
     black_cd_m2: float = 0.05
 
@@ -61,189 +52,174 @@ class Room:
             self.eyes.set_luminance(luminances.get(screen, self.white_cd_m2 * GREY_SHARE), t_ns)
 
 
-OnProgress = Callable[[Calibration, int], None]
+class Recorded(msgspec.Struct, frozen=True):
+    """All that a run leaves, before anybody has judged it."""
+
+    protocol: protocols.Protocol
+    eyes: tuple[Eye, ...]
+    """Which must succeed."""
+    stage: Stage
+    screens: tuple[ShownScreen, ...]
+    samples: list[PupilSample]
 
 
-class Runner:
-    """Runs protocols, one after the other, on the samples of one source."""
+class CalibrationRun:
+    """One run of a protocol, from when the person starts it. Reads no clock; all that it does is said to the display.
+
+    `ids` numbers the screens; runs before one display share it, so that none takes an old answer for its own.
+    """
 
     def __init__(
         self,
-        source: Source,
+        protocol: protocols.Protocol,
         room: Room,
-        stopped: Callable[[], bool],
-        on_silence: Callable[[str], None] = lambda reason: None,
+        eyes: Sequence[Eye] = tuple(Eye),
+        ids: Iterator[int] | None = None,
     ) -> None:
-        """`on_silence` hears why, whenever the tracker falls silent."""
-        self._on_silence = on_silence
-        self._name = source.info.name
+        self.protocol = protocol
+        self._calibration = Calibration(protocol, ids)
         self._room = room
-        self._stopped = stopped
-        # A simulation of a live source brings its own time; any other runs by this machine's.
-        self._own_time = isinstance(source, SimulatedLiveEyes) and not source.info.live
-        live = source.info.live or self._own_time
-        self._items = source.samples() if live else _paced(source, stopped)
+        self._eyes = tuple(eyes)
+        self._asked: dict[int, Screen] = {}
+        self._wants_start_ns: int | None = None
 
-    def run(
-        self, protocol: Protocol, eyes: Sequence[Eye] = tuple(Eye), on_progress: OnProgress = lambda _, __: None
-    ) -> Attempt:
-        """One attempt, from when the person starts it. Raises SourceError if the source ends before it does."""
-        calibration = Calibration(protocol)
-        asked: dict[int, Screen] = {}
-        wants_start = False
-        for item in self._items:
-            if isinstance(item, GazeSample):
-                continue
-            if isinstance(item, SourceSilent):
-                self._on_silence(item.reason)
-            now_ns = item.t_ns if self._own_time else time.monotonic_ns()
-            if self._stopped():
-                self._show(calibration.abort(), asked)
-            for answer in self._room.display.answers(now_ns):
-                if isinstance(answer, ScreenShown):
-                    calibration.shown(answer.id, answer.t_ns, now_ns)
-                    if answer.id in asked:
-                        self._room.light(asked.pop(answer.id), answer.t_ns)
-                elif answer is Request.ABORT:
-                    self._show(calibration.abort(), asked)
-                elif answer is Request.PAUSE:
-                    self._show(calibration.pause(), asked)
-                    wants_start = False
-                else:
-                    wants_start = True
-            if wants_start and self._room.display.ready:
-                wants_start = False
-                begin = calibration.resume if calibration.stage is Stage.PAUSED else calibration.start
-                self._show(begin(now_ns), asked)
-            if isinstance(item, PupilSample):
-                calibration.sample(item)
-            self._show(calibration.advance(now_ns), asked)
-            if isinstance(item, Tick):
-                on_progress(calibration, now_ns)
-            if calibration.stage.is_final:
-                break
-        if not calibration.stage.is_final:
-            if not self._stopped():
-                raise SourceError(
-                    f"{self._name} ended before the calibration did: choose a source that goes on, or one that lasts "
-                    f"{protocol.seconds:g} s and more"
-                )
-            calibration.abort()
-        screens = tuple(calibration.shown_screens)
-        analysis = analyse(calibration.samples, screens, protocol, calibration.stage, eyes)
-        return Attempt(analysis, screens, calibration.stage)
+    def step(self, item: Item, now_ns: int) -> None:
+        """One more item of the source, at a time of the bridge's clock: what of it the screens' routine wants."""
+        if isinstance(item, GazeSample) or self.is_over:
+            return
+        for answer in self._room.display.answers(now_ns):
+            self._hear(answer, now_ns)
+        if self._wants_start_ns is not None:
+            self._start(now_ns, self._wants_start_ns)
+        if isinstance(item, PupilSample):
+            self._calibration.sample(item)
+        self._show(self._calibration.advance(now_ns))
 
-    def close(self) -> None:
-        """Frees what the source holds."""
-        if hasattr(self._items, "close"):
-            self._items.close()
+    def abort(self) -> None:
+        """Ends it without a result."""
+        self._show(self._calibration.abort())
 
-    def _show(self, commands: Commands, asked: dict[int, Screen]) -> None:
+    @property
+    def stage(self) -> Stage:
+        """Where it is."""
+        return self._calibration.stage
+
+    @property
+    def is_over(self) -> bool:
+        """Whether nothing more is going to happen."""
+        return self.stage.is_final
+
+    @property
+    def screen(self) -> Screen:
+        """What the display shows, or is asked to show."""
+        return self._calibration.step.screen if self.stage in (Stage.WAITING, Stage.SHOWING) else Screen.GREY
+
+    @property
+    def step_number(self) -> int:
+        """Which screen it is at, from 1; 0 before the first."""
+        if self.stage is Stage.READY:
+            return 0
+        return min(len(self._calibration.shown_screens) + 1, len(self.protocol.steps))
+
+    def seconds_done(self, now_ns: int) -> float:
+        """How much of the protocol is over."""
+        return self._calibration.seconds_done(now_ns)
+
+    def recorded(self) -> Recorded:
+        """What it leaves."""
+        one = self._calibration
+        return Recorded(self.protocol, self._eyes, one.stage, tuple(one.shown_screens), one.samples)
+
+    def _hear(self, answer: ScreenShown | Request, now_ns: int) -> None:
+        if isinstance(answer, ScreenShown):
+            self._calibration.shown(answer.id, answer.t_ns, now_ns)
+            if answer.id in self._asked:
+                self._room.light(self._asked.pop(answer.id), answer.t_ns)
+        elif answer is Request.ABORT:
+            self.abort()
+        elif answer is Request.PAUSE:
+            self._wants_start_ns = None
+            self._show(self._calibration.pause())
+        else:
+            self._wants_start_ns = now_ns
+
+    def _start(self, now_ns: int, since_ns: int) -> None:
+        """As soon as the display's clock is known; whoever starts shall not see it begin by itself much later."""
+        if self._room.display.ready:
+            self._wants_start_ns = None
+            begin = self._calibration.resume if self.stage is Stage.PAUSED else self._calibration.start
+            self._show(begin(now_ns))
+        elif now_ns - since_ns > SHOWN_WITHIN_NS:
+            self._wants_start_ns = None
+            self._room.display.tell(_NO_ANSWER, again=True)
+
+    def _show(self, commands: Commands) -> None:
         for command in commands:
-            asked[command.id] = command.screen
+            self._asked[command.id] = command.screen
             self._room.display.show(command)
 
 
-def _paced(source: Source, stopped: Callable[[], bool]) -> Iterator[Item]:
+def items_now(source: Source) -> Generator[tuple[Item, int]]:
+    """A source's items as if all were measured now, each with the time. Closing it frees what the source holds.
+
+    A recording is played at its pace. A simulation of a live source brings its own time.
+    """
+    own_time = isinstance(source, SimulatedLiveEyes) and not source.info.live
+    items = source.samples() if own_time or source.info.live else _paced(source)
+    try:
+        for item in items:
+            yield item, item.t_ns if own_time else time.monotonic_ns()
+    finally:
+        if hasattr(items, "close"):
+            items.close()
+
+
+def follow(
+    run: CalibrationRun,
+    items: Iterator[tuple[Item, int]],
+    source: str,
+    stopped: Callable[[], bool] = lambda: False,
+    on_item: Callable[[Item, int], None] = lambda item, now_ns: None,
+) -> Recorded:
+    """Steps a run until it is over, or asked to stop. Raises SourceError that names the source if it ends before."""
+    for item, now_ns in items:
+        if stopped():
+            run.abort()
+        run.step(item, now_ns)
+        on_item(item, now_ns)
+        if run.is_over:
+            break
+    if not run.is_over:
+        if not stopped():
+            raise SourceError(
+                f"{source} ended before the calibration did: choose a source that goes on, or one that lasts "
+                f"{run.protocol.seconds:g} s and more"
+            )
+        run.abort()
+    return run.recorded()
+
+
+def _paced(source: Source) -> Iterator[Item]:
     """A recording's samples as if they were measured now: at their pace, on this machine's clock."""
     shift_ns = time.monotonic_ns() - source.info.t_start_ns
     for item in source.samples():
         due_ns = item.t_ns + shift_ns
-        while not stopped() and (left_ns := due_ns - time.monotonic_ns()) > 0:
+        while (left_ns := due_ns - time.monotonic_ns()) > 0:
             time.sleep(min(left_ns, NS_PER_S // 20) / NS_PER_S)
             yield Tick(min(time.monotonic_ns(), due_ns))
         yield msgspec.structs.replace(item, t_ns=due_ns)
 
 
-def pupil_map_of(attempt: Attempt, protocol: Protocol, source: str, display: Display, *, map_mm: bool) -> PupilMap:
-    """What a valid attempt leaves. Pixels are always mapped onto 2 to 8 mm, a tracker's millimetres if `map_mm`."""
-    eyes = attempt.analysis.eyes
-    units = {result.trace.unit for result in eyes.values()}
-    if len(units) > 1:
-        raise PupilMapError("one eye comes in mm and the other in px: choose one of them with --eyes")
-    unit = units.pop()
-    start_ns = attempt.screens[0].t_ns
-    uncertainty_ns = display.uncertainty_ns
-    return PupilMap(
-        format=1,
-        program=f"entoptic {importlib.metadata.version('entoptic')}",
-        date=datetime.now(UTC).isoformat(timespec="seconds"),
-        source=source,
-        display=display.name,
-        protocol=protocol.name,
-        unit=unit,
-        use=Use.MAP if map_mm or unit == "px" else Use.CHECK,
-        display_uncertainty_ms=None if uncertainty_ns is None else uncertainty_ns * 1e-6,
-        right=_eye_map(eyes.get(Eye.RIGHT), attempt.screens, start_ns),
-        left=_eye_map(eyes.get(Eye.LEFT), attempt.screens, start_ns),
-    )
+def protocol_of(name: str, white_s: float | None, black_s: float | None) -> protocols.Protocol:
+    """The protocol of this name, robust or luidolt, its screens as long as given. Raises CalibrationError."""
+    make = {"robust": protocols.robust, "luidolt": protocols.luidolt}[name]
+    given = {"white_s": white_s, "black_s": black_s}
+    return make(**{name: value for name, value in given.items() if value is not None})
 
 
-def _eye_map(result: EyeResult | None, screens: Sequence[ShownScreen], start_ns: int) -> EyeMap | None:
-    if result is None:
-        return None
-    windows = tuple(
-        MappedWindow(
-            screen=cast(Literal["white", "black"], window.screen.value),
-            shown_s=(screen.t_ns - start_ns) / NS_PER_S,
-            from_s=(window.from_ns - start_ns) / NS_PER_S,
-            to_s=(window.to_ns - start_ns) / NS_PER_S,
-            value=window.value,
-            valid_share=window.valid_share,
-            slope_mm_s=window.slope_mm_s,
-        )
-        for screen, window in zip(screens, result.windows, strict=True)
-    )
-    return EyeMap(
-        white=result.of(Screen.WHITE),
-        black=result.of(Screen.BLACK),
-        stretch=(LUI_MM[1] - LUI_MM[0]) / result.span_mm,
-        windows=windows,
-    )
-
-
-def refuse_unwritable(out: Path) -> None:
-    """Raises PupilMapError where the result could not be written, before anybody looks at a screen."""
-    if out.suffix != ".toml":
-        raise PupilMapError(f"--out {out}: a pupil map is a TOML file; name it like my_pupil.toml")
-    if out.is_dir() or not out.parent.is_dir():
-        reason = "is a folder" if out.is_dir() else f"lies in {out.parent}, which is no folder"
-        raise PupilMapError(f"--out {out} {reason}; name a file in a folder that is there")
-
-
-def write(out: Path, found: PupilMap, attempt: Attempt) -> Path:
-    """Writes the map and its plot beside it, both or none; returns the plot's path. Raises PupilMapError."""
-    partial = _partial(out)
-    try:
-        partial.write_text(pupil_map.text(found), encoding="utf-8")
-        write_plot(plot := out.with_suffix(".png"), attempt, f"{found.source}, {found.date}, protocol {found.protocol}")
-        partial.replace(out)
-    except OSError as error:
-        raise _unwritten(out, partial, error) from None
-    except PupilMapError:
-        partial.unlink()
-        raise
-    return plot
-
-
-def write_plot(path: Path, attempt: Attempt, title: str) -> None:
-    """Writes the picture of an attempt. Raises PupilMapError."""
-    partial = _partial(path)
-    try:
-        calibration_plot.write(partial, attempt.analysis, attempt.screens, title)
-        partial.replace(path)
-    except OSError as error:
-        raise _unwritten(path, partial, error) from None
-
-
-def _partial(path: Path) -> Path:
-    return path.with_name(f"{path.stem}.partial{path.suffix}")
-
-
-def _unwritten(path: Path, partial: Path, error: OSError) -> PupilMapError:
-    with contextlib.suppress(OSError):
-        partial.unlink()
-    return PupilMapError(f"{path} cannot be written ({error.strerror}); check its folder and the space on the disk")
+def eyes_of(choice: str) -> tuple[Eye, ...]:
+    """Which eyes must succeed."""
+    return {"left": (Eye.LEFT,), "right": (Eye.RIGHT,)}.get(choice, tuple(Eye))
 
 
 def simulated_eyes(seed: int, room_cd_m2: float, *, paced: bool, seconds: float = LONGEST_S) -> SimulatedLiveEyes:

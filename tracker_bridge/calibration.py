@@ -23,6 +23,7 @@ from __future__ import annotations
 import collections
 import enum
 import itertools
+from collections.abc import Iterator
 
 import msgspec
 
@@ -173,7 +174,8 @@ Commands = tuple[ShowScreen, ...]
 class Calibration:
     """One run of a protocol. Times are of the bridge's clock and never go backwards."""
 
-    def __init__(self, protocol: Protocol) -> None:
+    def __init__(self, protocol: Protocol, ids: Iterator[int] | None = None) -> None:
+        """`ids` numbers the screens; runs before the same display share it."""
         self.protocol = protocol
         self.stage = Stage.READY
         self.samples: list[PupilSample] = []
@@ -181,7 +183,7 @@ class Calibration:
         self._paused: collections.deque[PupilSample] = collections.deque(maxlen=PAUSED_SAMPLES)
         self.shown_screens: list[ShownScreen] = []
         """Those shown to their end, one a step that is over."""
-        self._ids = itertools.count(1)
+        self._ids = ids or itertools.count(1)
         self._asked: ShowScreen | None = None
         self._since_ns = 0
         """When the present screen was asked for while it is waited for; then when it was shown."""

@@ -95,6 +95,10 @@ class Chain:
         self.late_count = 0
         """Samples that came too late, twice, backwards or from the future, and were left out."""
 
+    def use_pupil_map(self, pupil_map: PupilMap) -> None:
+        """What diameters mean from the next sample on."""
+        self._pupil_map = pupil_map
+
     def step(self, item: Item) -> Iterator[EyeState | Event]:
         """What one more item makes: the state of the moment that it ends, and its events."""
         for record in self._step(item):

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import contextlib
 import enum
 import functools
+import itertools
 from contextlib import ExitStack
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -20,9 +22,10 @@ from services.terminal import console
 from tracker_bridge.sources.pupil_remote import DEFAULT_REMOTE
 
 if TYPE_CHECKING:
-    from services.calibrate import Attempt
-    from tracker_bridge.calibration import Calibration
+    from services.calibrate import CalibrationRun
+    from services.calibration_result import Attempt
     from tracker_bridge.pupil_map import PupilMap
+    from tracker_bridge.source import Item
 
 
 class ProtocolName(enum.StrEnum):
@@ -63,6 +66,9 @@ def calibrate(
     port: Annotated[int, typer.Option(min=0, max=65535, help="Of the page; 0 for any.")] = 8720,
     commands: Annotated[str, typer.Option(help="Where screens are asked for (PUB).")] = "tcp://127.0.0.1:*",
     answers: Annotated[str, typer.Option(help="Where displays answer (PULL).")] = "tcp://127.0.0.1:*",
+    keys: Annotated[
+        Path | None, typer.Option(help="The bridge's keys, for a display program on another machine.")
+    ] = None,
     white_seconds: Annotated[float | None, typer.Option(help="Of each white screen.")] = None,
     black_seconds: Annotated[float | None, typer.Option(help="Of the black screen.")] = None,
     eyes: Annotated[CalibratedEyes, typer.Option(help="Leave an eye out that cannot be tracked.")] = (
@@ -86,18 +92,19 @@ def calibrate(
 ) -> None:
     """Find out how far a person's pupils close and open, before white and black screens."""
     from services import calibrate as calibrates
+    from services import calibration_result as results
+    from services import keys as key_files
     from services.calibration_display import Display, NoDisplay, SocketDisplay
-    from tracker_bridge.calibration import CalibrationError, luidolt, robust
-    from tracker_bridge.samples import Eye
+    from tracker_bridge.calibration import CalibrationError
     from tracker_bridge.source import Source
     from tracker_bridge.sources import SIMULATED, TrackerSettings
     from tracker_bridge.sources.simulated_live import SimulatedLiveEyes
 
     # All input is looked at before anybody has to look at anything.
-    given = {"white_s": white_seconds, "black_s": black_seconds}
-    make = {ProtocolName.ROBUST: robust, ProtocolName.LUIDOLT: luidolt}[protocol]
-    chosen = make(**{name: value for name, value in given.items() if value is not None})
-    calibrates.refuse_unwritable(out)
+    chosen = calibrates.protocol_of(protocol.value, white_seconds, black_seconds)
+    results.refuse_unwritable(out)
+    if keys is not None and (fast or display is DisplayKind.BROWSER):
+        raise CalibrationError("--keys are for a display program on another machine: add --display socket")
     simulated = source == SIMULATED
     if fast and not simulated:
         raise CalibrationError("--fast is for simulated eyes: a person's pupils take their time; leave it out")
@@ -113,7 +120,7 @@ def calibrate(
         opened = open_eyes(source, table_map, None, seed, None, TrackerSettings(remote=remote, usb_id=usb_id))
     for note in opened.info.notes:
         console.print(f"• {escape(note)}")
-    wanted = {CalibratedEyes.LEFT: (Eye.LEFT,), CalibratedEyes.RIGHT: (Eye.RIGHT,)}.get(eyes, tuple(Eye))
+    wanted, ids = calibrates.eyes_of(eyes.value), itertools.count(1)
     stop = Stop().on_signals()
     with ExitStack() as stack:
         screens: Display
@@ -121,7 +128,8 @@ def calibrate(
             screens = NoDisplay()
         else:
             name = "page in a browser" if display is DisplayKind.BROWSER else "program on the sockets"
-            screens = SocketDisplay(commands, answers, name)
+            server_keys = None if keys is None else key_files.load_server(keys)
+            screens = SocketDisplay(commands, answers, name, keys=server_keys)
             stack.callback(screens.close)
             if display is DisplayKind.BROWSER:
                 from services.calibration_page import LOOPBACK, PageServer
@@ -139,8 +147,7 @@ def calibrate(
         room = calibrates.Room(
             screens, opened if isinstance(opened, SimulatedLiveEyes) else None, white_cd_m2, black_cd_m2
         )
-        runner = calibrates.Runner(opened, room, stop, on_silence=_say_silent)
-        stack.callback(runner.close)
+        items = stack.enter_context(contextlib.closing(calibrates.items_now(opened)))
         kept: tuple[PupilMap, Attempt] | None = None
         for number in range(1, repeats + 1):
             with Progress(
@@ -152,21 +159,23 @@ def calibrate(
                 disable=not console.is_terminal,
             ) as progress:
                 bar = progress.add_task("waiting for Start", total=chosen.seconds)
-
-                attempt = runner.run(chosen, wanted, functools.partial(_show_progress, progress, bar))
+                run = calibrates.CalibrationRun(chosen, room, wanted, ids)
+                show = functools.partial(_show_progress, progress, bar, run)
+                attempt = results.judge(calibrates.follow(run, items, opened.info.name, stop, on_item=show))
             if attempt.problems:
                 _print_problems(attempt, number, repeats)
                 if keep_failed:
-                    failed = out.with_suffix(".failed.png")
-                    calibrates.write_plot(failed, attempt, f"{opened.info.name}, protocol {chosen.name}: no result")
+                    failed = results.write_failed_plot(out, attempt, opened.info.name)
                     console.print(f"plot: [b]{escape(str(failed.resolve()))}[/b]", soft_wrap=True)
             else:
-                found = calibrates.pupil_map_of(attempt, chosen, opened.info.name, screens, map_mm=map_mm)
+                found = results.pupil_map_of(
+                    attempt, opened.info.name, screens.name, screens.uncertainty_ns, map_mm=map_mm
+                )
                 kept = (found, attempt)
                 _print_result(found, number, repeats)
             if isinstance(screens, SocketDisplay) and screens.unreadable:
                 console.print(f"the display said something that cannot be read: {escape(screens.unreadable)}")
-            screens.tell(_in_words(attempt), again=number < repeats)
+            screens.tell(attempt.words, again=number < repeats)
             if stop():
                 break
     if stop():
@@ -174,21 +183,22 @@ def calibrate(
     if kept is None:
         console.print("no result: nothing was written")
         raise typer.Exit(1)
-    plot = calibrates.write(out, *kept)
+    plot = results.write(out, *kept)
     console.print(f"results: [b]{escape(str(out.resolve()))}[/b]", soft_wrap=True)
     console.print(f"look at: [b]{escape(str(plot.resolve()))}[/b]", soft_wrap=True)
 
 
-def _say_silent(reason: str) -> None:
-    console.print(f"[red]the tracker is silent:[/red] {escape(reason)}", soft_wrap=True)
-
-
-def _show_progress(progress: Progress, bar: TaskID, calibration: Calibration, t_ns: int) -> None:
+def _show_progress(progress: Progress, bar: TaskID, run: CalibrationRun, item: Item, now_ns: int) -> None:
     from tracker_bridge.calibration import Stage
+    from tracker_bridge.events import SourceSilent
+    from tracker_bridge.source import Tick
 
-    words = {Stage.READY: "waiting for Start", Stage.SHOWING: calibration.step.screen.value}
-    description = words.get(calibration.stage, calibration.stage.value)
-    progress.update(bar, completed=calibration.seconds_done(t_ns), description=description)
+    if isinstance(item, SourceSilent):
+        console.print(f"[red]the tracker is silent:[/red] {escape(item.reason)}", soft_wrap=True)
+    if isinstance(item, Tick):
+        words = {Stage.READY: "waiting for Start", Stage.SHOWING: run.screen.value}
+        description = words.get(run.stage, run.stage.value)
+        progress.update(bar, completed=run.seconds_done(now_ns), description=description)
 
 
 def _print_result(found: PupilMap, number: int, repeats: int) -> None:
@@ -222,11 +232,3 @@ def _print_problems(attempt: Attempt, number: int, repeats: int) -> None:
         console.print(f"[red]{problem.name}[/red]: {escape(problem.detail)}", soft_wrap=True)
     for remedy in dict.fromkeys(problem.remedy for problem in attempt.problems):
         console.print(f"  → {escape(remedy)}", soft_wrap=True)
-
-
-def _in_words(attempt: Attempt) -> str:
-    """For the person before the display."""
-    if not attempt.problems:
-        return "Done, thank you: both the black and the white screens could be measured."
-    first = attempt.problems[0]
-    return f"No result: {first.failure.value}. To do: {first.remedy}."

@@ -1,5 +1,6 @@
 """The routine run on simulated eyes, before displays that behave and displays that do not."""
 
+import itertools
 import threading
 import time
 from collections.abc import Callable, Iterator
@@ -10,9 +11,10 @@ import numpy as np
 import pytest
 import zmq
 
-from services import calibrate
-from services.calibrate import GREY_SHARE, Attempt, Room, Runner
+from services import calibration_result as results
+from services.calibrate import GREY_SHARE, CalibrationRun, Room, follow, items_now
 from services.calibration_display import Answer, NoDisplay, Request, SocketDisplay
+from services.calibration_result import Attempt, judge
 from tracker_bridge import pupil_map
 from tracker_bridge.calibration import Protocol, Screen, ShowScreen, Stage, Statistic, Step, luidolt, robust
 from tracker_bridge.calibration_quality import Failure
@@ -50,7 +52,8 @@ def attempt(
     lights: tuple[float, float] = (WHITE_CD_M2, BLACK_CD_M2),
     stopped: Callable[[], bool] = never,
 ) -> Attempt:
-    return Runner(eyes, Room(display or NoDisplay(), eyes, *lights), stopped).run(protocol or robust())
+    run = CalibrationRun(protocol or robust(), Room(display or NoDisplay(), eyes, *lights))
+    return judge(follow(run, items_now(eyes), eyes.info.name, stopped))
 
 
 def failures(one: Attempt) -> set[Failure]:
@@ -162,7 +165,7 @@ def test_a_pause_shows_grey_and_restarts_its_screen() -> None:
 
 def test_an_abort_and_ctrl_c_end_the_run() -> None:
     one = attempt(eyes_of(), display=Scripted({12.0: Request.ABORT}))
-    assert (failures(one), one.stage, len(one.screens)) == ({Failure.ABORTED}, Stage.ABORTED, 1)
+    assert (failures(one), one.recorded.stage, len(one.screens)) == ({Failure.ABORTED}, Stage.ABORTED, 1)
     assert failures(attempt(eyes_of(), stopped=lambda: True)) == {Failure.ABORTED}
 
 
@@ -174,10 +177,11 @@ def test_a_source_that_ends_is_named() -> None:
 def test_each_repetition_is_a_result_of_its_own() -> None:
     eyes = eyes_of(seconds=90.0)
     display = NoDisplay()
-    runner = Runner(eyes, Room(display, eyes, WHITE_CD_M2, BLACK_CD_M2), never)
-    first = runner.run(robust())
+    room, items, ids = Room(display, eyes, WHITE_CD_M2, BLACK_CD_M2), items_now(eyes), itertools.count(7)
+    first = judge(follow(CalibrationRun(robust(), room, ids=ids), items, "eyes"))
     display.tell("again", again=True)
-    second = runner.run(robust())
+    second = judge(follow(CalibrationRun(robust(), room, ids=ids), items, "eyes"))
+    assert next(ids) == 7 + 2 * 4  # no screen has the number of another
     assert first.problems == second.problems == ()
     assert second.screens[0].t_ns > first.screens[-1].window_ns[1]
 
@@ -191,7 +195,8 @@ def test_a_recording_is_played_at_its_pace_on_this_machines_clock() -> None:
                 yield msgspec.structs.replace(sample, t_ns=sample.t_ns + self.info.t_start_ns)
 
     began_ns = time.monotonic_ns()
-    one = Runner(Recorded(), Room(NoDisplay()), never).run(QUICK)
+    recorded = Recorded()
+    one = judge(follow(CalibrationRun(QUICK, Room(NoDisplay())), items_now(recorded), "A recording"))
     assert time.monotonic_ns() - began_ns >= 0.8 * NS_PER_S
     assert failures(one) == {Failure.NO_SPAN}
     assert began_ns < one.screens[0].t_ns < time.monotonic_ns()
@@ -199,13 +204,13 @@ def test_a_recording_is_played_at_its_pace_on_this_machines_clock() -> None:
 
 def result_of(one: Attempt, **changes: bool) -> pupil_map.PupilMap:
     options = {"map_mm": False} | changes
-    return calibrate.pupil_map_of(one, robust(), "Simulated eyes 1", NoDisplay(), **options)
+    return results.pupil_map_of(one, "Simulated eyes 1", "none", None, **options)
 
 
 def test_the_result_is_a_file_and_a_plot(tmp_path: Path, valid: Attempt) -> None:
     one, found = valid, result_of(valid)
     out = tmp_path / "my_pupil.toml"
-    plot = calibrate.write(out, found, one)
+    plot = results.write(out, found, one)
     assert {path.name for path in tmp_path.iterdir()} == {"my_pupil.toml", "my_pupil.png"}
     assert plot.read_bytes()[:4] == b"\x89PNG"
     assert plot.stat().st_size < 100_000
@@ -248,7 +253,7 @@ def test_a_result_that_cannot_be_written_leaves_the_old_one(tmp_path: Path, vali
     out.write_text("old")
     (tmp_path / "my_pupil.png").mkdir()
     with pytest.raises(PupilMapError, match=r"my_pupil\.png cannot be written"):
-        calibrate.write(out, result_of(valid), valid)
+        results.write(out, result_of(valid), valid)
     assert out.read_text() == "old"
     assert {path.name for path in tmp_path.iterdir()} == {"my_pupil.toml", "my_pupil.png"}
 
@@ -257,7 +262,7 @@ def test_a_result_that_cannot_be_written_leaves_the_old_one(tmp_path: Path, vali
 def test_a_place_where_nothing_can_be_written_is_refused_before_anything_is_shown(tmp_path: Path, name: str) -> None:
     (tmp_path / "folder.toml").mkdir()
     with pytest.raises(PupilMapError, match="--out"):
-        calibrate.refuse_unwritable(tmp_path / name)
+        results.refuse_unwritable(tmp_path / name)
 
 
 class Program(threading.Thread):
@@ -301,8 +306,8 @@ def test_a_program_on_the_sockets_says_on_its_own_clock_when_it_showed_what() ->
     program.start()
     try:
         eyes = eyes_of(paced=True)
-        one = Runner(eyes, Room(display, eyes), never).run(QUICK)
-        assert one.stage is Stage.FINISHED
+        one = judge(follow(CalibrationRun(QUICK, Room(display, eyes)), items_now(eyes), eyes.info.name))
+        assert one.recorded.stage is Stage.FINISHED
         assert display.uncertainty_ns is not None
         for number, screen in enumerate(one.screens, 1):
             assert abs(screen.t_ns - program.shown_ns[number]) <= display.uncertainty_ns + 1_000_000
