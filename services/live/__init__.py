@@ -4,4 +4,6 @@ choice.py     what a live session is made of: eyes, scene, view, settings
 addresses.py  where its processes are to be reached
 requests.py   what each of them may be asked to do
 messages.py   what a worker publishes: pictures, plans, and what a game engine needs
+publish.py    its socket: each thing is made while somebody wants it (door.py: who may come in)
+engine.py     from what was perceived to what a game engine needs
 """

@@ -10,9 +10,13 @@ from __future__ import annotations
 from typing import Final, TypeVar
 
 import msgspec
+import numpy as np
+from numpy.typing import NDArray
 
 VERSION: Final = 1
 PERCEIVED, DISPLAYED, SHOWN, ENGINE, KERNEL = b"perceived", b"displayed", b"shown", b"engine", b"kernel"
+TOPICS: Final = (PERCEIVED, DISPLAYED, SHOWN, ENGINE, KERNEL)
+DTYPES: Final = ("uint8", "uint16", "float32")
 
 Body = TypeVar("Body")
 
@@ -36,6 +40,16 @@ class Picture(msgspec.Struct, frozen=True):
     """uint8, uint16 or float32, little endian."""
     pixels: bytes
     """Rows from the top, each of `width_px` times red, green, blue."""
+
+    @property
+    def image(self) -> NDArray[np.generic]:
+        """(y, x, 3). Raises MessageError where it has not the size that it says."""
+        if self.dtype not in DTYPES:
+            raise MessageError(f"a picture of {self.dtype}: known are {', '.join(DTYPES)}")
+        values = np.frombuffer(self.pixels, np.dtype(self.dtype).newbyteorder("<"))
+        if min(self.width_px, self.height_px) < 1 or values.size != 3 * self.width_px * self.height_px:
+            raise MessageError(f"a picture of {self.width_px}×{self.height_px} pixels with {values.size} values")
+        return values.reshape(self.height_px, self.width_px, 3)
 
 
 class EyeShown(msgspec.Struct, frozen=True):
@@ -68,6 +82,10 @@ class StepShown(msgspec.Struct, frozen=True):
     bound_code_values: float
     ms: float
     """0 where it did not run."""
+    fading_from: str | None = None
+    """The level before, while the picture still passes from it."""
+    fade: float = 1.0
+    """How far it has come, 0 to 1."""
 
 
 class LatencyMs(msgspec.Struct, frozen=True):
@@ -205,6 +223,14 @@ class EngineKernel(msgspec.Struct, frozen=True):
     """Angles from the light, ascending; beyond the last one the veil is 0, straight between two of them."""
     veil_per_sr: tuple[float, ...]
     """The veil there: luminance for each cd/m² and steradian of a light."""
+
+    @property
+    def around(self) -> NDArray[np.float32]:
+        """(row, column, 3): `rgb`·`scale`. Raises MessageError where it has not the size that it says."""
+        halves = np.frombuffer(self.rgb, "<f2") if len(self.rgb) % 2 == 0 else np.zeros(0)
+        if self.side < 1 or self.side % 2 == 0 or halves.size != 3 * self.side**2:
+            raise MessageError(f"a kernel of {self.side}×{self.side} pixels with {len(self.rgb)} bytes")
+        return halves.reshape(self.side, self.side, 3).astype(np.float32) * np.float32(self.scale)
 
 
 _encoder = msgspec.msgpack.Encoder()
