@@ -112,8 +112,10 @@ def state_folder() -> Path:
     return Path(os.environ.get("XDG_STATE_HOME", Path.home() / ".local" / "state")) / "entoptic"
 
 
-def prepare_jax() -> None:
+def prepare_jax(*, renders: bool = True) -> None:
     """Lets JAX keep what it compiles on disk, and the processor's memory it has freed for the next frame.
+
+    A process that renders nothing leaves a GPU, of which JAX takes most of the memory, to those that do.
 
     glibc gives a freed frame back to the system and is handed fresh, zeroed pages for the next one: that took a sixth
     of the time of a frame.
@@ -127,5 +129,7 @@ def prepare_jax() -> None:
 
     import pipeline  # noqa: F401 - sets up JAX before anything asks it to compile
 
+    if not renders:
+        jax.config.update("jax_platforms", "cpu")
     jax.config.update("jax_compilation_cache_dir", str(cache_folder() / "compiled"))
     jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.1)

@@ -23,10 +23,7 @@ def results_folder(out: Path) -> Iterator[Path]:
     anything else or cannot be written.
     """
     out = out.resolve()
-    if not out.name or out == Path.cwd() or (out.exists() and not _ours(out)):
-        raise ResultsFolderError(
-            f"{out} holds something that was not written by such a command: choose another --out, or move it away"
-        )
+    refuse_foreign(out)
     partial = out.with_name(out.name + ".partial")
     shutil.rmtree(partial, ignore_errors=True)
     try:
@@ -35,15 +32,28 @@ def results_folder(out: Path) -> Iterator[Path]:
         raise ResultsFolderError(f"cannot make {partial}: {error.strerror}; choose another --out") from None
     try:
         yield partial
-        names = sorted(path.name for path in partial.iterdir())
-        (partial / LIST).write_text("\n".join(names), encoding="utf-8")
-        if out.exists():
-            shutil.rmtree(out)
-        partial.rename(out)
+        keep(partial, out)
     except OSError as error:
         raise ResultsFolderError(f"{out} cannot be written: {error.strerror or error}; choose another --out") from None
     finally:
         shutil.rmtree(partial, ignore_errors=True)
+
+
+def refuse_foreign(out: Path) -> None:
+    """Raises ResultsFolderError if a folder holds what was not written here."""
+    if not out.name or out == Path.cwd() or (out.exists() and not _ours(out)):
+        raise ResultsFolderError(
+            f"{out} holds something that was not written by such a command: choose another --out, or move it away"
+        )
+
+
+def keep(partial: Path, out: Path) -> None:
+    """Gives a folder its final name, in place of what had it. Raises OSError."""
+    names = sorted({path.name for path in partial.iterdir()} - {LIST})
+    (partial / LIST).write_text("\n".join(names), encoding="utf-8")
+    if out.exists():
+        shutil.rmtree(out)
+    partial.rename(out)
 
 
 def _ours(out: Path) -> bool:

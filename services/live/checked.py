@@ -55,9 +55,7 @@ def check(choice: SessionChoice) -> Checked:
         raise SourceError(f"there is no lane {choice.lane!r}: it is one of {', '.join(Lane)}")
     if choice.pupil_map is not None:
         pupil_map.read(Path(choice.pupil_map))
-    tracker = TrackerSettings(
-        remote=choice.remote or DEFAULT_REMOTE, usb_id=choice.usb_id, usb_faults=choice.usb_fault
-    )
+    tracker = TrackerSettings(remote=choice.remote or DEFAULT_REMOTE, usb_id=choice.usb_id, usb_faults=choice.usb_fault)
     table_map = None if choice.table_map is None else Path(choice.table_map)
     source = open_eyes(choice.source, table_map, choice.seconds, choice.seed, None, tracker)
     return Checked(choice, source, scene, view, settings)

@@ -50,6 +50,7 @@ class SessionFile(msgspec.Struct, frozen=True):
     width_px: int
     height_px: int
     """Of one eye's image."""
+    fov_deg: float
     source: str
     """For a person."""
     scene: str

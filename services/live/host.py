@@ -1,0 +1,242 @@
+"""The host of live sessions: starts, watches and ends their processes, and answers what a console or a person asks.
+
+Theory of operation: one loop in one thread that never waits for a process or a disk. One session at a time, of which
+LiveSession takes care; the console's server, if there is one, lives as long as the host. All processes end with the
+host, whatever ends it, since each holds the other end of a pipe to it.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import tempfile
+import time
+from collections.abc import Callable
+from concurrent.futures import Future, ThreadPoolExecutor
+from concurrent.futures import TimeoutError as StillWorkingError
+from pathlib import Path
+from typing import Any, Final, Self
+
+import msgspec
+import zmq
+
+from services.control import Control, Reply
+from services.live import registry, session_file, takes
+from services.live.checked import Checked, check
+from services.live.choice import SessionChoice
+from services.live.journal import Journal
+from services.live.live_session import ENDS_WITHIN_S, LiveSession
+from services.live.requests import GiveStatus, HostRequest, Record, StartSession, StopRecord, StopSession
+from services.live.supervised import Supervised
+from services.process import Stop
+
+TURN_MS: Final = 20
+CHECK_ANSWERS_WITHIN_S: Final = 1.2
+"""A choice that takes longer to open is answered before it is known to be good; a request's patience is 2 s."""
+PROCESSES_END_WITHIN_S: Final = 0.9
+"""Where the host itself is asked to end."""
+ALL_ENDS_WITHIN_S: Final = 1.8
+"""With the files; a report that takes longer to draw is left to `entoptic report`."""
+WEB = "web"
+
+
+class Host:
+    """A context that leaves nothing running. Call `turn` in a loop, or `run`."""
+
+    def __init__(
+        self,
+        root: Path,
+        web_arguments: Callable[[str], list[str]] | None = None,
+        console_url: str | None = None,
+        control_address: str = "tcp://127.0.0.1:*",
+    ) -> None:
+        """Takes are kept in `root`; `web_arguments` of the host's control start a server of the console, if any."""
+        self.root, self.console_url = root, console_url
+        self.session: LiveSession | None = None
+        self.trouble: str | None = None
+        self._last: LiveSession | None = None
+        self._opened = contextlib.ExitStack()
+        self._context: zmq.Context[zmq.Socket[bytes]] = zmq.Context()
+        self._opened.callback(self._context.destroy, linger=0)
+        self.journal = Journal()
+        self._opened.callback(self.journal.close)
+        self._control: Control[HostRequest] = Control(control_address, HostRequest, self.answer, None, self._context)
+        self._opened.callback(self._control.close)
+        self._scratch = self._register()
+        self._work = ThreadPoolExecutor(1, "host-work")
+        self._checking: Future[Checked] | None = None
+        self._record_checked: Path | None = None
+        self._web: Supervised | None = None
+        if web_arguments is not None:
+            self._web = Supervised(WEB, lambda: web_arguments(self.control), "ready", self.journal)
+            self._web.start()
+        self.journal.say("host", control=self.control, root=str(root), console=console_url)
+
+    def _register(self) -> Path:
+        """Says that this host runs, where others look; the folder for what is needed meanwhile."""
+        told = registry.RunningHost(os.getpid(), self.control, session_file.now(), self.console_url)
+        try:
+            registration = registry.Registration(told)
+        except OSError as error:
+            self.trouble = f"`entoptic status` will not find this session: {error}"
+            return Path(self._opened.enter_context(tempfile.TemporaryDirectory(prefix="entoptic-")))
+        self._opened.callback(registration.close)
+        return registration.scratch
+
+    @property
+    def control(self) -> str:
+        """Where it answers."""
+        return self._control.address
+
+    def answer(self, request: HostRequest) -> Reply:
+        """Does what is asked, or says why not."""
+        if not isinstance(request, GiveStatus):
+            self.journal.say("asked", request=type(request).__name__)
+        try:
+            match request:
+                case StartSession():
+                    return self.start(request.choice)
+                case StopSession():
+                    return self.stop_session()
+                case Record():
+                    return self._record(request.name)
+                case StopRecord():
+                    return self._stop_record()
+                case GiveStatus():
+                    return Reply(True, "running" if self.session is not None else "idle", self.status())
+        except Exception as error:
+            self.journal.say("trouble", error=str(error), kind=type(error).__name__)
+            return Reply(False, str(error) or type(error).__name__)
+
+    def start(self, choice: SessionChoice, record_to: Path | None = None) -> Reply:
+        """Starts a session, with a take from its first frame on if a folder for it is given.
+
+        Raises what `check` does; where opening all takes long, that is told as trouble later.
+        """
+        if self.session is not None or self._checking is not None:
+            return Reply(False, "a session is running: stop it first")
+        self.trouble, self._record_checked = None, record_to
+        self._checking = self._work.submit(check, choice)
+        with contextlib.suppress(StillWorkingError):
+            self._checking.result(CHECK_ANSWERS_WITHIN_S) if record_to is None else self._checking.result()
+            self._start_checked()
+        return Reply(True, "the session starts")
+
+    def _start_checked(self) -> None:
+        checking, self._checking = self._checking, None
+        assert checking is not None
+        try:
+            checked = checking.result()
+            self.session = LiveSession(checked, self._scratch, self._context, self.journal, self._work)
+            for note in checked.notes:
+                self.journal.say("note", note=note)
+            if self._record_checked is not None:
+                self.session.record(self._record_checked)
+        except Exception as error:
+            self.trouble = str(error) or type(error).__name__
+            raise
+
+    def stop_session(self, within_s: float = ENDS_WITHIN_S) -> Reply:
+        """Ends the session; its processes have that long before they are ended by force."""
+        if self._checking is not None:
+            self._checking.cancel()
+            self._checking = None
+            return Reply(True, "the session does not start")
+        if self.session is None:
+            return Reply(False, "no session is running")
+        self.session.stop(within_s)
+        return Reply(True, "the session ends")
+
+    def _record(self, name: str) -> Reply:
+        if self.session is None:
+            return Reply(False, "no session is running: start one first")
+        return self.session.record(takes.folder_for(self.root, name))
+
+    def _stop_record(self) -> Reply:
+        return Reply(False, "no session is running") if self.session is None else self.session.stop_record()
+
+    def turn(self, wait_ms: int = TURN_MS) -> None:
+        """One turn of the loop; returns after that time at the latest where there is nothing to do."""
+        self._control.attend(wait_ms)
+        if self._web is not None:
+            self._web.step()
+        if self._checking is not None and self._checking.done():
+            with contextlib.suppress(Exception):  # said as trouble
+                self._start_checked()
+        if self.session is not None:
+            self.session.step()
+            if self.session.is_over:
+                self._last, self.session = self.session, None
+
+    def run(self, stop: Stop, on_turn: Callable[[], bool] = lambda: True) -> None:
+        """Until asked to stop, or until `on_turn` says so by False; then all ends within two seconds."""
+        while not stop() and on_turn():
+            self.turn()
+        self.end(interrupted=stop())
+
+    def end(self, *, interrupted: bool) -> None:
+        """Ends everything within two seconds."""
+        until_s = time.monotonic() + ALL_ENDS_WITHIN_S
+        if self._web is not None:
+            self._web.stop(PROCESSES_END_WITHIN_S)
+        if self.session is not None:
+            self.session.interrupted = interrupted
+            self.session.stop(PROCESSES_END_WITHIN_S)
+        while time.monotonic() < until_s and (self.session is not None or (self._web and self._web.lives)):
+            self.turn(5)
+
+    @property
+    def is_busy(self) -> bool:
+        """Whether a thread still works on a folder, after `end`: the last step of a report that takes long."""
+        return self.session is not None
+
+    def status(self) -> dict[str, Any]:
+        """As services/live/requests.py's GiveStatus asks for it."""
+        session = self.session or self._last
+        now = self.session
+        supervised = [*(() if session is None else session.processes), *(() if self._web is None else (self._web,))]
+        return {
+            "running": now is not None or self._checking is not None,
+            "state": "starting" if self._checking is not None else "idle" if now is None else now.state,
+            "choice": None if now is None else msgspec.to_builtins(now.checked.choice),
+            "started": None if now is None else now.started,
+            "folder": None if now is None or now.folder is None else str(now.folder),
+            "finishing": None if now is None or now.finishing is None else str(now.finishing),
+            "last_folder": None if session is None or session.last_folder is None else str(session.last_folder),
+            "root": str(self.root.resolve()),
+            "processes": {one.name: one.status() for one in supervised},
+            "addresses": None if now is None else msgspec.to_builtins(now.addresses),
+            "console_url": self.console_url,
+            "trouble": self.troubles(),
+            "gaps": [] if session is None else [gap.since(session.begun_ns) for gap in session.gaps],
+            "figures": {} if now is None else now.figures,
+            "log": str(self.journal.path),
+        }
+
+    def troubles(self) -> str | None:
+        """What is wrong now, and what ended the last session, for a person."""
+        session = self.session or self._last
+        found = [self.trouble, self.journal.trouble]
+        if session is not None:
+            found.append(session.trouble)
+        if self.session is not None:
+            found += [figures.get("trouble") for figures in self.session.figures.values()]
+            found += [
+                f"the {one.name} crashed and is started anew; {one.last_error}"
+                for one in self.session.processes
+                if one.state == "restarting"
+            ]
+        if self._web is not None and self._web.state in ("failed", "restarting"):
+            found.append(f"the console's server crashed; {self._web.last_error}")
+        return "; ".join(dict.fromkeys(one for one in found if one)) or None
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        if self.session is not None:
+            self.session.close()
+        if self._web is not None:
+            self._web.kill()
+        self._work.shutdown(wait=False, cancel_futures=True)
+        self._opened.close()

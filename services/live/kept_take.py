@@ -1,0 +1,83 @@
+"""A take that runs: bridge and worker are told to keep all in its folder, also those that are started anew."""
+
+from __future__ import annotations
+
+import time
+from pathlib import Path
+
+from services.live.asking import Asked, Context
+from services.live.requests import BeginTake, EndTake
+
+ENDS_WITHIN_S = 60.0
+"""A worker that compiles answers late; what it does not keep in that time is not kept."""
+
+
+class KeptTake:
+    """Tells each process that a take begins and ends. `step` it now and then; nothing here waits."""
+
+    def __init__(self, context: Context, folder: Path, addresses: dict[str, str]) -> None:
+        """`addresses` are the controls of the processes, by name."""
+        self.folder = folder
+        self.start_ns = time.monotonic_ns()
+        """Zero of the tables' times."""
+        self.trouble: str | None = None
+        self._context, self._addresses = context, addresses
+        self._asked: dict[str, Asked] = {}
+        self._keeping: set[str] = set()
+        self._ends_at_s: float | None = None
+        for name in addresses:
+            self.tell(name)
+
+    def tell(self, name: str) -> None:
+        """Begins in a process that has just been started."""
+        self.lost(name)
+        if self._ends_at_s is None:
+            self._ask(name, BeginTake(str(self.folder), self.start_ns))
+
+    def lost(self, name: str) -> None:
+        """A process is gone: no answer of it is awaited any more."""
+        self._keeping.discard(name)
+        if (asked := self._asked.pop(name, None)) is not None:
+            asked.close()
+
+    def end(self) -> None:
+        """The processes are to keep nothing any more."""
+        if self._ends_at_s is None:
+            self._ends_at_s = time.monotonic() + ENDS_WITHIN_S
+            for name in tuple(self._keeping):
+                self._ask(name, EndTake())
+
+    def step(self) -> None:
+        """Takes answers."""
+        for name, asked in tuple(self._asked.items()):
+            reply = asked.reply()
+            if reply is None:
+                continue
+            asked.close()
+            del self._asked[name]
+            if isinstance(asked.request, BeginTake) and reply.done:
+                self._keeping.add(name)
+                if self._ends_at_s is not None:
+                    self._ask(name, EndTake())
+            elif isinstance(asked.request, EndTake):
+                self._keeping.discard(name)
+            if not reply.done:
+                self.trouble = f"the {name} keeps nothing: {reply.reply}"
+
+    @property
+    def is_over(self) -> bool:
+        """Whether all processes ended it, or had their time for it."""
+        return self._ends_at_s is not None and (not self._asked or time.monotonic() > self._ends_at_s)
+
+    @property
+    def is_ending(self) -> bool:
+        """Whether it was asked to end."""
+        return self._ends_at_s is not None
+
+    def close(self) -> None:
+        """Awaits nothing any more."""
+        for name in tuple(self._asked):
+            self.lost(name)
+
+    def _ask(self, name: str, request: BeginTake | EndTake) -> None:
+        self._asked[name] = Asked(self._context, self._addresses[name], request)

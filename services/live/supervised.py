@@ -1,0 +1,149 @@
+"""A process that is kept running: started, listened to, started anew where it crashes (supervision.py says when)."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from typing import Any, Literal
+
+from services.live.children import Child
+from services.live.journal import Journal
+from services.live.supervision import Gap, Restarts
+
+State = Literal["starting", "running", "restarting", "stopped", "failed"]
+
+
+class Supervised:
+    """One process of a session, through all its lives. `step` it now and then; nothing here waits."""
+
+    def __init__(
+        self,
+        name: str,
+        arguments: Callable[[], list[str]],
+        ready_event: str,
+        journal: Journal,
+        on_message: Callable[[dict[str, Any]], None] = lambda message: None,
+    ) -> None:
+        """`arguments` are asked for at each start; `ready_event` is what it logs when it is ready."""
+        self.name, self.state = name, "stopped"
+        self.restarts = Restarts()
+        self.started_anew = 0
+        self.last_error: str | None = None
+        self.gaps: list[Gap] = []
+        self.ended: dict[str, Any] | None = None
+        """What it said when it ended by itself, all done."""
+        self._arguments, self._ready_event = arguments, ready_event
+        self._journal, self._on_message = journal, on_message
+        self._child: Child | None = None
+        self._said: str | None = None
+        self._was_ready = False
+        self._start_at_s = 0.0
+        self._kill_at_s: float | None = None
+
+    state: State
+
+    @property
+    def pid(self) -> int | None:
+        """Of the one that lives."""
+        return None if self._child is None else self._child.pid
+
+    @property
+    def is_ready(self) -> bool:
+        """Whether it can do its work."""
+        return self.state == "running"
+
+    @property
+    def lives(self) -> bool:
+        """Whether there is a process now."""
+        return self._child is not None
+
+    def start(self) -> None:
+        """Starts it for the first time, or anew."""
+        anew = self.state == "restarting"
+        self._said, self._was_ready = None, False
+        self._child = Child(self.name, self._arguments())
+        self.state = "restarting" if anew else "starting"
+        self._journal.say("started", child=self.name, child_pid=self._child.pid, anew=anew)
+
+    def step(self) -> bool:
+        """Listens and looks; whether it has just been started anew."""
+        if self._child is None:
+            if self.state == "restarting" and time.monotonic() >= self._start_at_s:
+                self.start()
+                self.started_anew += 1
+                return True
+            return False
+        # Asked first and read after, so that nothing said before the end is missed.
+        code = self._child.code()
+        ended = None
+        for message in self._child.drain():
+            self._journal.add(message)
+            self._said = message.get("error", self._said) if message.get("level") == "error" else self._said
+            if message["event"] == self._ready_event:
+                self._ready()
+            if message["event"] == "ended":
+                ended = message
+            self._on_message(message)
+        self.ended = ended or self.ended
+        if code is not None:
+            self._gone(code)
+        elif self._kill_at_s is not None and time.monotonic() >= self._kill_at_s:
+            self._journal.say("killed", child=self.name, why="it did not stop in time")
+            self._child.kill()
+        return False
+
+    def _ready(self) -> None:
+        self._was_ready = True
+        if self.state in ("starting", "restarting"):
+            self.state = "running"
+        self._close_gap()
+
+    def _close_gap(self) -> None:
+        if self.gaps and self.gaps[-1].to_ns is None:
+            last = self.gaps[-1]
+            self.gaps[-1] = Gap(last.process, last.from_ns, time.monotonic_ns(), last.why)
+
+    def _gone(self, code: int) -> None:
+        assert self._child is not None
+        child, self._child = self._child, None
+        why = f"it ended by itself {child.ending(self._said)}"
+        ran_s = time.monotonic() - child.started_s
+        if child.spoken and code != 0:
+            self._journal.say("spoken", child=self.name, lines=child.spoken)
+        child.end(0.0)
+        if self._kill_at_s is not None or (code == 0 and self.ended is not None):
+            self.state = "stopped"
+            self._journal.say("stopped", child=self.name, code=code)
+            return
+        self.last_error = why
+        self.restarts = self.restarts.crashed(time.monotonic(), ran_s, was_ready=self._was_ready)
+        if not (self.gaps and self.gaps[-1].to_ns is None):
+            self.gaps.append(Gap(self.name, time.monotonic_ns(), None, why))
+        given_up = self.restarts.given_up
+        self.state = "failed" if given_up else "restarting"
+        self._start_at_s = time.monotonic() + self.restarts.delay_s
+        self._journal.say("crashed", child=self.name, code=code, why=why, given_up=given_up)
+
+    def stop(self, within_s: float) -> None:
+        """Asks it to stop; it is ended by force after that time."""
+        if self._child is None:
+            self.state = "stopped" if self.state != "failed" else self.state
+            return
+        self._child.ask_to_stop()
+        at_s = time.monotonic() + within_s
+        self._kill_at_s = at_s if self._kill_at_s is None else min(self._kill_at_s, at_s)
+
+    def kill(self) -> None:
+        """Ends it by force, at once, and waits until it is gone."""
+        if self._child is not None:
+            self._child.end(0.0)
+            self._child, self.state = None, "stopped"
+
+    def status(self) -> dict[str, Any]:
+        """As the host tells it."""
+        return {
+            "pid": self.pid,
+            "state": self.state,
+            "restarts": self.started_anew,
+            "last_error": self.last_error,
+        }
