@@ -6,6 +6,8 @@ table.py          any other table, by a column map
 table_map.py      column maps: their keys, their files; those that come with the program lie in maps/
 simulated.py      a simulated pair of eyes, labelled
 simulated_live.py the same at the pace of time, before a light that is set while it runs
+simulated_endless.py the same without an end, for live sessions
+played.py         any recording as a live source
 pupil_capture.py  Pupil Capture or Service, live over its Network API
 usb.py            a USB (HID) eye tracker, live
 usb_simulated.py  its twin: a pyusb backend that plays a recording as such a device

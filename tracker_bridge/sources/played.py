@@ -12,7 +12,7 @@ from collections.abc import Iterator
 import msgspec
 
 from tracker_bridge.samples import NS_PER_S
-from tracker_bridge.source import Item, RecordedSource, SourceInfo, Tick
+from tracker_bridge.source import Item, Source, SourceInfo, Tick
 
 TICK_S = 0.05
 """Between two ticks; a live source may go 100 ms without one."""
@@ -21,7 +21,7 @@ TICK_S = 0.05
 class Played:
     """A recording that happens now. It ends with its last sample; what is past when it is first read is left out."""
 
-    def __init__(self, source: RecordedSource, begun_ns: int) -> None:
+    def __init__(self, source: Source, begun_ns: int) -> None:
         """`begun_ns`: when its first sample was or is due, on the monotonic clock."""
         self._source = source
         self._shift_ns = begun_ns - source.info.t_start_ns

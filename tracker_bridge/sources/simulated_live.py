@@ -85,6 +85,32 @@ class Hippus:
         return values[left] * (1.0 - ease) + values[left + 1] * ease
 
 
+class LivePupil:
+    """Both pupils under light that is set while they live: reflex and unrest, at any rising times from 0."""
+
+    def __init__(self, settings: SimulatedSettings, hippus_seed: np.random.SeedSequence) -> None:
+        self._reflex = LightReflex(settings.luminance[0][1], settings.field_deg2, settings.age_years)
+        self._hippus = Hippus(hippus_seed, settings.hippus)
+        self._grid_mm: collections.deque[float] = collections.deque()
+        self._first = 0
+        """The step of the grid's first diameter; those before are forgotten."""
+
+    def set_luminance(self, t_s: float, luminance_cd_m2: float) -> None:
+        """The light from a time on; the pupil answers LATENCY_S later."""
+        self._reflex.set_luminance(t_s, luminance_cd_m2)
+
+    def diameters_mm(self, t_s: NDArray[np.float64]) -> NDArray[np.float64]:
+        """The diameters at some times, none of them before those asked for last."""
+        first, last = int(t_s[0] / STEP_S), math.ceil(t_s[-1] / STEP_S)
+        while self._first + len(self._grid_mm) <= last:
+            self._grid_mm.append(self._hippus.next_mm(self._reflex.next_mm()))
+        while self._first < first:
+            self._grid_mm.popleft()
+            self._first += 1
+        grid_s = np.arange(self._first, self._first + len(self._grid_mm)) * STEP_S
+        return np.interp(t_s, grid_s, self._grid_mm)
+
+
 class SimulatedLiveEyes:
     """A live source of simulated samples, by the clock for `settings.seconds`; `set_luminance` is its light.
 
@@ -93,23 +119,16 @@ class SimulatedLiveEyes:
     """
 
     def __init__(self, settings: SimulatedSettings, *, paced: bool = True) -> None:
-        if len(settings.luminance) != 1:
-            raise SourceError("live simulated eyes take one luminance at the start; set the others while they live")
+        refuse_schedule(settings)
         drawn = SimulatedEyes(settings)
         self.settings = settings
         self._paced = paced
         self._drawn: Truth = drawn.truth
         self._diameter_mm = np.full(self._drawn.t_ns.size, math.nan)
         self._lived = 0
-        light = settings.luminance[0][1]
-        self._reflex = LightReflex(light, settings.field_deg2, settings.age_years)
-        # Apart from the five streams that SimulatedEyes draws.
-        hippus_seed, noise_seed = np.random.SeedSequence(settings.seed).spawn(7)[5:]
-        self._hippus = Hippus(hippus_seed, settings.hippus)
+        hippus_seed, noise_seed = live_seeds(settings.seed)
+        self._pupil = LivePupil(settings, hippus_seed)
         self._noise_rng = np.random.default_rng(noise_seed)
-        self._grid_mm = np.empty(math.ceil(settings.seconds / STEP_S) + 1)
-        self._steps = 0
-        """How many of the grid's steps are lived."""
         self._start_ns = time.monotonic_ns() if paced else 0
         self._info = SourceInfo(
             name=f"Simulated eyes {settings.seed}, live",
@@ -130,13 +149,13 @@ class SimulatedLiveEyes:
         lived = slice(self._lived)
         until_ns = int(self._drawn.t_ns[self._lived - 1]) if self._lived else -1
         return dataclasses.replace(
-            self._slice(lived, self._diameter_mm[lived]),
+            slice_of(self._drawn, lived, self._diameter_mm[lived]),
             events=tuple(event for event in self._drawn.events if event.offset_ns <= until_ns),
         )
 
     def set_luminance(self, luminance_cd_m2: float, t_ns: int) -> None:
         """The light before the eyes from a time of this source on, cd/m²; the pupil answers 0.2 s later."""
-        self._reflex.set_luminance((t_ns - self._start_ns) / NS_PER_S, luminance_cd_m2)
+        self._pupil.set_luminance((t_ns - self._start_ns) / NS_PER_S, luminance_cd_m2)
 
     def samples(self) -> Iterator[Item]:
         """Samples as they are measured: at each time both pupils, then the direction of each eye and of both."""
@@ -152,35 +171,44 @@ class SimulatedLiveEyes:
     def _live(self, part: slice) -> list[list[PupilSample | GazeSample]]:
         """The samples of some times, a list for each."""
         times = self._drawn.t_ns[part]
-        first, last = int(times[0] / NS_PER_S / STEP_S), math.ceil(times[-1] / NS_PER_S / STEP_S)
-        for step in range(self._steps, last + 1):
-            self._grid_mm[step] = self._hippus.next_mm(self._reflex.next_mm())
-        self._steps = max(self._steps, last + 1)
-        grid_s = np.arange(first, last + 1) * STEP_S
-        diameter_mm = np.interp(times / NS_PER_S, grid_s, self._grid_mm[first : last + 1])
+        diameter_mm = self._pupil.diameters_mm(times / NS_PER_S)
         self._diameter_mm[part] = diameter_mm
         self._lived += times.size
         measured = measure(
             self._noise_rng,
-            self._slice(part, diameter_mm),
+            slice_of(self._drawn, part, diameter_mm),
             self.settings.noise_deg,
             self.settings.diameter_noise_mm,
         )
-        return _grouped((times + self._start_ns).tolist(), measured)
-
-    def _slice(self, part: slice, diameter_mm: NDArray[np.float64]) -> Truth:
-        drawn = self._drawn
-        return Truth(
-            drawn.events,
-            drawn.t_ns[part],
-            drawn.azimuth_deg[:, part],
-            drawn.elevation_deg[:, part],
-            diameter_mm,
-            drawn.openness[part],
-        )
+        return grouped((times + self._start_ns).tolist(), measured)
 
 
-def _grouped(times_ns: list[int], measured: Measured) -> list[list[PupilSample | GazeSample]]:
+def refuse_schedule(settings: SimulatedSettings) -> None:
+    """Raises SourceError where light is known beforehand."""
+    if len(settings.luminance) != 1:
+        raise SourceError("live simulated eyes take one luminance at the start; set the others while they live")
+
+
+def live_seeds(seed: int) -> tuple[np.random.SeedSequence, np.random.SeedSequence]:
+    """Of the pupil's unrest and the tracker's noise, apart from the five streams that SimulatedEyes draws."""
+    hippus_seed, noise_seed = np.random.SeedSequence(seed).spawn(7)[5:]
+    return hippus_seed, noise_seed
+
+
+def slice_of(drawn: Truth, part: slice, diameter_mm: NDArray[np.float64]) -> Truth:
+    """Some times of what was drawn, with other pupils."""
+    return Truth(
+        drawn.events,
+        drawn.t_ns[part],
+        drawn.azimuth_deg[:, part],
+        drawn.elevation_deg[:, part],
+        diameter_mm,
+        drawn.openness[part],
+    )
+
+
+def grouped(times_ns: list[int], measured: Measured) -> list[list[PupilSample | GazeSample]]:
+    """The samples of each time: both pupils, then the direction of each eye and of both."""
     m = measured
     px = np.maximum(m.diameter_mm, 0.0) * PX_PER_MM
     pupils = np.stack([m.diameter_mm, m.confidence, m.model_confidence, px, m.openness], axis=-1).tolist()

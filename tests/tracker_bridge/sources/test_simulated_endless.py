@@ -1,0 +1,95 @@
+"""Simulated eyes that never end."""
+
+import itertools
+import time
+from collections.abc import Iterator
+
+import msgspec
+import numpy as np
+import pytest
+
+from tracker_bridge.samples import NS_PER_S, Eye, GazeSample, PupilSample
+from tracker_bridge.source import Item, SourceError, Tick
+from tracker_bridge.sources.simulated import SimulatedEyes, SimulatedSettings
+from tracker_bridge.sources.simulated_endless import STRETCH_S, EndlessEyes
+
+MS = 1_000_000
+DIM = SimulatedSettings(seed=3, luminance=((0.0, 1.0),), hippus=0.0, diameter_noise_mm=0.0, noise_deg=0.0)
+
+
+@pytest.fixture(scope="module", autouse=True)
+def drawn() -> SimulatedEyes:
+    """Drawn once: the first time imports what takes seconds."""
+    return SimulatedEyes(msgspec.structs.replace(DIM, seconds=float(STRETCH_S)))
+
+
+def until(items: Iterator[Item], end_ns: int) -> list[Item]:
+    return list(itertools.takewhile(lambda item: item.t_ns < end_ns, items))
+
+
+def pupils(items: list[Item]) -> list[PupilSample]:
+    return [item for item in items if isinstance(item, PupilSample) and item.eye is Eye.LEFT]
+
+
+def gazes(items: list[Item]) -> dict[int, tuple[float, float]]:
+    seen = [item for item in items if isinstance(item, GazeSample) and item.eye is None and item.confidence > 0.98]
+    return {item.t_ns: (item.azimuth_deg, item.elevation_deg) for item in seen}
+
+
+def test_they_begin_as_the_recorded_ones_and_have_no_end(drawn: SimulatedEyes) -> None:
+    begun_ns = time.monotonic_ns() + 150 * MS
+    eyes = EndlessEyes(DIM, begun_ns)
+    items = until(eyes.samples(), begun_ns + 400 * MS)
+    assert (eyes.info.t_start_ns, eyes.info.t_end_ns, eyes.info.live) == (begun_ns, None, True)
+    seen = gazes(items)
+    assert min(seen) == begun_ns
+
+    assert seen[begun_ns][0] == pytest.approx(float(drawn.truth.azimuth_deg[:, 0].mean()))
+    assert len(pupils(items)) == 80
+    ticks = [item.t_ns for item in items if isinstance(item, Tick)]
+    assert max(np.diff(ticks)) < 100 * MS
+
+
+def test_started_anew_they_look_where_they_would_have_looked() -> None:
+    begun_ns = time.monotonic_ns()
+    first = EndlessEyes(DIM, begun_ns).samples()
+    until(first, begun_ns + 300 * MS)
+    again = EndlessEyes(DIM, begun_ns).samples()
+    after = gazes(until(again, begun_ns + 600 * MS))
+    assert min(after) > begun_ns + 250 * MS
+    seen = gazes(until(first, begun_ns + 800 * MS))
+    both = sorted(set(after) & set(seen))
+    assert len(both) > 30
+    np.testing.assert_allclose([after[t_ns] for t_ns in both], [seen[t_ns] for t_ns in both])
+
+
+def test_between_two_stretches_they_blink_and_the_pupil_goes_on() -> None:
+    begun_ns = time.monotonic_ns() - STRETCH_S * NS_PER_S + 300 * MS
+    items = until(EndlessEyes(DIM, begun_ns).samples(), begun_ns + STRETCH_S * NS_PER_S + 400 * MS)
+    samples = pupils(items)
+    shut = [sample.t_ns for sample in samples if sample.confidence == 0.0]
+    border_ns = begun_ns + STRETCH_S * NS_PER_S
+    assert shut[0] < border_ns < shut[-1]
+    assert samples[-1].confidence > 0.9
+    assert samples[-1].diameter_mm == pytest.approx(samples[0].diameter_mm)
+    assert set(np.diff([sample.t_ns for sample in samples])) == {5 * MS}
+    # The gaze leaps behind the lid alone.
+    seen = gazes(items)
+    assert not [t_ns for t_ns in seen if abs(t_ns - border_ns) < 50 * MS]
+
+
+def test_the_pupil_answers_to_light_that_is_set() -> None:
+    begun_ns = time.monotonic_ns() - 3 * STRETCH_S * NS_PER_S - 5 * NS_PER_S
+    eyes = EndlessEyes(DIM, begun_ns)
+    samples = eyes.samples()
+    dark_mm = pupils(until(samples, time.monotonic_ns() + 100 * MS))[-1].diameter_mm
+    eyes.set_luminance(5000.0, time.monotonic_ns())
+    bright_mm = pupils(until(samples, time.monotonic_ns() + 900 * MS))[-1].diameter_mm
+    assert dark_mm is not None
+    assert bright_mm is not None
+    assert bright_mm < dark_mm - 0.5
+
+
+def test_light_known_beforehand_is_refused() -> None:
+    with pytest.raises(SourceError, match="one luminance"):
+        EndlessEyes(SimulatedSettings(), 0)
