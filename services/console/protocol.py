@@ -69,6 +69,8 @@ class Field(msgspec.Struct, frozen=True):
     """The range, ends included unless `low_open`; null where there is none."""
     low_open: bool = False
     """`low` itself is not allowed."""
+    slider: tuple[float, float] | None = None
+    """The stretch of the range that is of use, where the range itself is too long for a slider."""
     step: float | None = None
     """A step that suits a slider; the server takes any value in the range."""
     log: bool = False
@@ -260,6 +262,8 @@ class Status(_Message, frozen=True, tag="status"):
     """Name of the folder that is being written; null while nothing is kept."""
     take_s: float | None
     """How long it is by now."""
+    finishing: str | None
+    """Name of a take that has ended and whose report is being written; null otherwise."""
     last_take: str | None
     """Name of the last finished folder; its report is at `/sessions/NAME/report.html`."""
     calibrating: dict[str, Any] | None

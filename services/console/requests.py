@@ -47,7 +47,7 @@ class Record(_Request, frozen=True, tag="record"):
 
 
 class StopRecord(_Request, frozen=True, tag="stop record"):
-    """The take is to end; the reply comes when its report is written. Hosted only."""
+    """The take is to end. Its report is written while the status says `finishing`. Hosted only."""
 
 
 class CalibratePupils(_Request, frozen=True, tag="calibrate pupils"):

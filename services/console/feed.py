@@ -1,0 +1,245 @@
+"""States, events and frames' figures from bridge and worker, as messages to pages.
+
+Theory of operation: one thread reads three sockets. What came within a batch's time leaves as one message of each kind,
+encoded once for all pages, however many there are. The last seconds of traces and marks are kept for pages that come
+later. Nothing waits for a page.
+"""
+
+from __future__ import annotations
+
+import collections
+import threading
+import time
+from collections.abc import Callable, Iterable
+from pathlib import Path
+from typing import Literal
+
+import zmq
+
+from services.console import protocol
+from services.console.figures import Figures
+from services.console.protocol import EyeTrace, Mark, Marks, ShownNow, Traces
+from services.event_feed import EventFeed
+from services.live import messages
+from services.live.addresses import Addresses
+from services.live.messages import SHOWN, MessageError, Shown
+from tracker_bridge import wire
+from tracker_bridge.access import ClientKeys
+from tracker_bridge.publisher import KEEPALIVE
+from tracker_bridge.wire import NS_PER_S, Event, Eye, EyeState
+
+BATCH_S = 0.04
+MAX_STATES = 20
+"""In a batch: of trackers above 500 Hz every second or third is shown."""
+KEPT_S = 10.0
+"""Of traces and marks, for pages that come later."""
+AWAY_S = 5.0
+"""Times that are so far from now are of another machine's clock: from then on the newest one is taken for now."""
+
+Hear = Callable[[list[bytes]], None]
+
+
+class Timeline:
+    """From a sender's nanoseconds to seconds since the server's zero."""
+
+    def __init__(self, zero_s: float) -> None:
+        self._zero_s, self._off_s = zero_s, 0.0
+
+    def t_s(self, t_ns: int, now_s: float) -> float:
+        """`now_s` is the server's monotonic clock."""
+        t_s = t_ns / NS_PER_S + self._off_s
+        if abs(t_s - now_s) > AWAY_S:
+            self._off_s += now_s - t_s
+            t_s = now_s
+        return round(t_s - self._zero_s, 4)
+
+    def as_before(self, t_ns: int) -> float:
+        """For what may be long ago."""
+        return round(t_ns / NS_PER_S + self._off_s - self._zero_s, 4)
+
+
+class Feed:
+    """Reads from its making until closed; `hear` is called by its thread with encoded messages."""
+
+    def __init__(
+        self,
+        addresses: Addresses,
+        zero_s: float,
+        hear: Hear,
+        bridge_keys: ClientKeys | None = None,
+        worker_keys: ClientKeys | None = None,
+    ) -> None:
+        """`zero_s`: the pages' zero on the monotonic clock. Raises zmq.ZMQError for an address that is none."""
+        self.addresses = addresses
+        self.figures = Figures()
+        self._zero_s, self._hear = zero_s, hear
+        self._kept: collections.deque[tuple[float, bytes]] = collections.deque()
+        self._lock = threading.Lock()
+        self._stop = threading.Event()
+        self._context: zmq.Context[zmq.Socket[bytes]] = zmq.Context()
+        try:
+            self._states = self._subscribe(addresses.states, b"", bridge_keys)
+            self._shown = self._subscribe(addresses.frames, SHOWN, worker_keys)
+            self._events = EventFeed(self._context, addresses.events, bridge_keys)
+        except zmq.ZMQError:
+            self._context.destroy(linger=0)
+            raise
+        self._events.socket.setsockopt(zmq.SUBSCRIBE, b"")
+        self._read_state = wire.Reader(wire.decode_state)
+        self._eyes, self._frames = Timeline(zero_s), Timeline(zero_s)
+        self._thread = threading.Thread(target=self._run, name="feed", daemon=True)
+        self._thread.start()
+
+    def _subscribe(self, address: str, topic: bytes, keys: ClientKeys | None) -> zmq.Socket[bytes]:
+        socket = self._context.socket(zmq.SUB)
+        socket.setsockopt(zmq.LINGER, 0)
+        for option, value in KEEPALIVE:
+            socket.setsockopt(option, value)
+        if keys is not None:
+            keys.use(socket)
+        socket.connect(address)
+        socket.setsockopt(zmq.SUBSCRIBE, topic)
+        return socket
+
+    def kept(self) -> list[bytes]:
+        """Messages of the last seconds."""
+        with self._lock:
+            return [message for _, message in self._kept]
+
+    def close(self) -> None:
+        """Ends the thread."""
+        self._stop.set()
+        self._thread.join()
+        self._context.destroy(linger=0)
+
+    def _run(self) -> None:
+        due_s = time.monotonic()
+        while not self._stop.wait(max(due_s - time.monotonic(), 0.0)):
+            due_s = max(due_s + BATCH_S, time.monotonic())
+            now_s = time.monotonic()
+            states = [state for message in _waiting(self._states) if (state := self._read_state.read(message[-1]))]
+            for state in states:
+                self.figures.add_state(state, now_s)
+            shown = self._newest_shown(now_s)
+            kept = [protocol.encode(self._traces(states, now_s))]
+            if events := self._events.read():
+                marks = [mark for event in events if (mark := mark_of(event, self._eyes))]
+                kept.append(protocol.encode(Marks(marks)))
+            with self._lock:
+                if states or events:
+                    self._kept.extend((now_s, message) for message in kept)
+                while self._kept and self._kept[0][0] < now_s - KEPT_S:
+                    self._kept.popleft()
+            self._hear([*kept, *shown])
+
+    def _newest_shown(self, now_s: float) -> list[bytes]:
+        told = []
+        for parts in _waiting(self._shown):
+            try:
+                shown = messages.decode(parts[-1], Shown)
+            except MessageError:
+                continue
+            self.figures.add_shown(shown, now_s)
+            told.append(protocol.encode(shown_of(shown, self._frames.t_s(shown.t_ns, now_s))))
+        return told
+
+    def _traces(self, states: list[EyeState], now_s: float) -> Traces:
+        stride = -(-len(states) // MAX_STATES) or 1
+        seen = states[::-stride][::-1]  # the newest is always there
+        return Traces(
+            round(now_s - self._zero_s, 4),
+            [self._eyes.t_s(state.t_ns, now_s) for state in seen],
+            *(_trace([state.of(eye) for state in seen]) for eye in (Eye.LEFT, Eye.RIGHT)),
+            [
+                None if (gaze := s.gaze) is None else (_short(gaze.azimuth_deg), _short(gaze.elevation_deg))
+                for s in seen
+            ],
+        )
+
+
+def _waiting(socket: zmq.Socket[bytes]) -> Iterable[list[bytes]]:
+    """All that has come, of any number of parts."""
+    while socket.poll(0):
+        yield socket.recv_multipart()
+
+
+def _trace(states: list[wire.OneEyeState]) -> EyeTrace:
+    return EyeTrace(
+        [_short(state.measured_mm) for state in states],
+        [_short(state.diameter_mm) for state in states],
+        [state.phase.value for state in states],
+        [_short(state.openness) for state in states],
+        [state.borrowed for state in states],
+    )
+
+
+def _angles(gaze: wire.Direction | None) -> tuple[float, float] | None:
+    return None if gaze is None else (round(gaze.azimuth_deg, 3), round(gaze.elevation_deg, 3))
+
+
+def _short(value: float | None) -> float | None:
+    return None if value is None else round(value, 3)
+
+
+def shown_of(shown: Shown, t_s: float) -> ShownNow:
+    """What a page is told of a frame."""
+    return ShownNow(
+        shown.frame,
+        t_s,
+        shown.width_px,
+        shown.height_px,
+        shown.eyes,
+        shown.plan,
+        shown.bound_code_values,
+        shown.milliseconds,
+        shown.budget_ms,
+        shown.fps,
+        shown.reached_fps,
+        shown.dropped,
+        shown.latency,
+        name_of(shown.take),
+        shown.trouble,
+    )
+
+
+def name_of(folder: str | None) -> str | None:
+    """A take's name; the folder has another ending while it is written."""
+    return None if folder is None else Path(folder).name.removesuffix(".partial")
+
+
+def mark_of(event: Event, timeline: Timeline) -> Mark | None:
+    """What a page is told of an event; None for what is no news to a person."""
+    t_s = timeline.as_before(event.t_ns)
+    match event:
+        case wire.BlinkOnset(eye=eye):
+            return Mark("blink onset", t_s, eye=_name(eye))
+        case wire.BlinkOffset(eye=eye, duration_ns=lasted_ns):
+            return Mark("blink", round(t_s - lasted_ns / NS_PER_S, 4), t_s, _name(eye))
+        case wire.PupilLost(eye=eye):
+            return Mark("pupil lost", t_s, eye=_name(eye))
+        case wire.PupilBack(eye=eye):
+            return Mark("pupil back", t_s, eye=_name(eye))
+        case wire.SaccadeOffset():
+            begun_s, ended_s = timeline.as_before(event.onset_ns), timeline.as_before(event.offset_ns)
+            is_micro = event.kind is wire.SaccadeKind.MICROSACCADE
+            what: Literal["saccade", "microsaccade"] = "microsaccade" if is_micro else "saccade"
+            return Mark(what, begun_s, ended_s, amplitude_deg=_short(event.amplitude_deg))
+        case wire.SourceSilent(reason=reason):
+            return Mark("source silent", t_s, text=reason)
+        case wire.SourceBack():
+            return Mark("source back", t_s)
+        case wire.ClockJumped(jump_ns=jump_ns):
+            return Mark("clock jumped", t_s, text=f"the tracker's clock was set by {jump_ns / 1e6:+.0f} ms")
+        case wire.TrackerTask(kind=kind, outcome=outcome, detail=detail):
+            return Mark("tracker task", t_s, text=detail, task=kind.value, outcome=outcome.value)
+        case wire.TrackerStatus(detail=detail):
+            return Mark("tracker status", t_s, text=detail)
+        case wire.StreamStarted(source=source):
+            return Mark("stream started", t_s, text=source)
+        case wire.StreamEnded():
+            return Mark("stream ended", t_s)
+    return None
+
+
+def _name(eye: Eye) -> Literal["left", "right"]:
+    return "left" if eye is Eye.LEFT else "right"
