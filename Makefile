@@ -2,7 +2,7 @@
 PYTHON ?= python3
 BIN := .venv/bin
 
-.PHONY: setup session test test-all check bench soak fuzz lock clean
+.PHONY: setup session test test-all check docs bench soak fuzz lock clean
 
 setup: .venv/.ready
 
@@ -28,6 +28,10 @@ check: setup
 	$(BIN)/mypy
 	$(BIN)/lint-imports
 	$(BIN)/check-jsonschema -q --builtin-schema vendor.compose-spec docker-compose.yml
+
+# The tables in docs/ that say what the records say.
+docs: setup
+	$(BIN)/python docs/observer_file.py
 
 bench: setup
 	$(BIN)/python -m benchmarks

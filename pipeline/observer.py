@@ -43,7 +43,9 @@ class Observer(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """The optics of one person's eyes."""
 
     age_years: Annotated[float, msgspec.Meta(ge=1.0, le=120.0)] = 30.0
+    """The lens yellows, clouds and scatters more with age, and the pupil stays smaller."""
     iris: Iris = Iris.BROWN
+    """Its pigment decides how much light comes through the iris and from the fundus."""
     particles: Count = 1000
     """Scattering particles of the lens over the pupil plane (LUI §5.2.4; van den Berg 2005)."""
     particle_mm: Annotated[float, msgspec.Meta(ge=0.005, le=0.5)] = 0.042
