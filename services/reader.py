@@ -76,9 +76,11 @@ class StateReader:
             raise BridgeSilentError(
                 f"cannot connect to {address}: {error.strerror}; give an address like tcp://127.0.0.1:5555"
             ) from None
-        self._read_state = wire.Reader(wire.decode_state)
+        self._read_state = wire.Reader(wire.decode_sent_state)
         self.started: StreamStarted | None = None
         self.ended: StreamEnded | None = None
+        self.newest_sent_ns: int | None = None
+        """When the bridge sent the state that was read last, on its clock; None where it does not say so."""
         self.received = 0
         """States read so far."""
         self.skipped = 0
@@ -204,7 +206,10 @@ class StateReader:
         return state
 
     def _take(self) -> EyeState | None:
-        state = self._read_state.read(self._states.recv())
+        message = self._read_state.read(self._states.recv())
+        state, sent_ns = message or (None, None)
+        if state is not None:
+            self.newest_sent_ns = sent_ns
         self._heard_s = time.monotonic()
         first = self.received == 0
         self.received += 1

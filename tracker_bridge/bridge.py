@@ -51,7 +51,7 @@ def run(
         on_record(record)
         if isinstance(record, EyeState):
             count += 1
-            publisher.publish_state(record, wait=wait, stopped=stopped)
+            publisher.publish_state(record, wait=wait, stopped=stopped, sent_ns=time.monotonic_ns() if live else None)
         else:
             publisher.publish_event(record, wait=wait, stopped=stopped)
 

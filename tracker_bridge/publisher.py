@@ -155,9 +155,12 @@ class Publisher:
         """
         self._wait_until(lambda: not self._topics[self._states], stopped)
 
-    def publish_state(self, state: EyeState, *, wait: bool, stopped: Stopped) -> None:
-        """Sends a state: to all, once they have room (`wait`), or at once to those that have."""
-        self._send(self._states, wire.encode_state(state), wait, stopped)
+    def publish_state(self, state: EyeState, *, wait: bool, stopped: Stopped, sent_ns: int | None = None) -> None:
+        """Sends a state: to all, once they have room (`wait`), or at once to those that have.
+
+        `sent_ns`: now, for readers of a live stream.
+        """
+        self._send(self._states, wire.encode_state(state, sent_ns), wait, stopped)
 
     def publish_event(self, event: Event, *, wait: bool, stopped: Stopped) -> None:
         """Numbers, keeps and sends an event, as `publish_state` does. A heartbeat takes no number and is not kept."""

@@ -2,7 +2,8 @@
 
 Theory of operation: every message is one ZeroMQ part (so that a slow reader may use CONFLATE) and one msgpack map with
 `entoptic`, the version, and `body`, a record with its field names as keys; a record that may be one of several says
-its class under `type`. States and events have a socket each. A state counts itself. An event has its number in the
+its class under `type`. States and events have a socket each. A state counts itself; a live one's envelope says when it
+was sent. An event has its number in the
 envelope, from 1 on, beside the stream's own number and the port where lost events are to be had again; a heartbeat has
 the number of the last event, so that a gap shows without a new one. A reader checks in this order: is it msgpack, is
 it ours, is it our version, does it have our types and ranges, is every number finite. Each failure has its own error.
@@ -82,6 +83,7 @@ __all__ = [
     "decode_answer",
     "decode_event",
     "decode_request",
+    "decode_sent_state",
     "decode_state",
     "encode_answer",
     "encode_event",
@@ -157,6 +159,7 @@ Answer = Replayed | EventsGone | BadRequest
 class _Envelope(msgspec.Struct, frozen=True):
     entoptic: int
     body: msgspec.Raw
+    sent: int | None = None
 
 
 class _Request(msgspec.Struct, frozen=True, rename={"first": "from"}):
@@ -171,9 +174,11 @@ _answer: msgspec.msgpack.Decoder[Answer] = msgspec.msgpack.Decoder(Answer)
 _request = msgspec.msgpack.Decoder(_Request)
 
 
-def encode_state(state: EyeState) -> bytes:
-    """One message, one part."""
-    return _encoder.encode({"entoptic": VERSION, "body": state})
+def encode_state(state: EyeState, sent_ns: int | None = None) -> bytes:
+    """One message, one part; `sent_ns`: now, on the bridge's clock, where the states are live."""
+    if sent_ns is None:
+        return _encoder.encode({"entoptic": VERSION, "body": state})
+    return _encoder.encode({"entoptic": VERSION, "sent": sent_ns, "body": state})
 
 
 def encode_event(event: Event, *, stream: int, sequence: int, replay_port: int) -> bytes:
@@ -195,9 +200,15 @@ def encode_request(first: int) -> bytes:
 
 def decode_state(message: bytes) -> EyeState:
     """The state in a message. Raises a WireError that says what is wrong."""
-    state = _decode(_open(message), _state)
+    return decode_sent_state(message)[0]
+
+
+def decode_sent_state(message: bytes) -> tuple[EyeState, int | None]:
+    """The state in a message, and when the bridge sent it, ns of its clock, where it says so. Raises a WireError."""
+    envelope = _open(message)
+    state = _decode(envelope.body, _state)
     _refuse_unless_finite(state, "$")
-    return state
+    return state, envelope.sent
 
 
 def decode_event(message: bytes) -> NumberedEvent:
@@ -210,7 +221,7 @@ def decode_event(message: bytes) -> NumberedEvent:
 
 def decode_answer(message: bytes) -> Answer:
     """The answer in a message. Raises a WireError that says what is wrong."""
-    return _decode(_open(message), _answer)
+    return _decode(_open(message).body, _answer)
 
 
 def decode_request(message: bytes) -> int:
@@ -235,8 +246,8 @@ class Reader(Generic[Record]):
             return None
 
 
-def _open(message: bytes) -> msgspec.Raw:
-    """The body of a message of this program and version."""
+def _open(message: bytes) -> _Envelope:
+    """A message of this program and version."""
     try:
         envelope = _envelope.decode(message)
     except msgspec.ValidationError as error:
@@ -248,7 +259,7 @@ def _open(message: bytes) -> msgspec.Raw:
             f"message of version {envelope.entoptic}, this program reads version {VERSION}: "
             "run the bridge and its reader from the same release"
         )
-    return envelope.body
+    return envelope
 
 
 def _decode(message: bytes | msgspec.Raw, decoder: msgspec.msgpack.Decoder[Record]) -> Record:

@@ -181,3 +181,13 @@ def test_heartbeats_keep_a_lossless_reader_waiting_and_silence_ends_it(
     assert time.monotonic() - begun > 1.3
     assert reader.silent_s > 0.4
     assert next(beats) > 0
+
+
+def test_the_newest_state_says_when_it_was_sent(lossy: LossyBridge, connect: Callable[..., StateReader]) -> None:
+    reader = subscribed(lossy, connect, newest_only=False)
+    for number, sent_ns in enumerate((None, 7, None)):
+        lossy.states.send(wire.encode_state(state(number), sent_ns))
+        deadline = time.monotonic() + PATIENCE_S
+        while (read := reader.newest()) is None:
+            assert time.monotonic() < deadline
+        assert (read.sequence, reader.newest_sent_ns) == (number, sent_ns)

@@ -75,7 +75,7 @@ answers = st.one_of(
     st.builds(wire.EventsGone, counts, st.binary(max_size=40)),
     st.builds(wire.BadRequest, words),
 )
-DECODERS = (wire.decode_state, wire.decode_event, wire.decode_answer, wire.decode_request)
+DECODERS = (wire.decode_state, wire.decode_sent_state, wire.decode_event, wire.decode_answer, wire.decode_request)
 STATE = EyeState(
     3,
     5,
@@ -96,6 +96,14 @@ def test_every_event_there_is_is_tried_here() -> None:
 @given(states)
 def test_a_state_comes_back_as_it_went(state: EyeState) -> None:
     assert wire.decode_state(wire.encode_state(state)) == state
+
+
+@given(states, st.none() | counts)
+def test_a_live_state_says_when_it_was_sent(state: EyeState, sent_ns: int | None) -> None:
+    message = wire.encode_state(state, sent_ns)
+    assert wire.decode_sent_state(message) == (state, sent_ns)
+    assert wire.decode_state(message) == state
+    assert ("sent" in msgspec.msgpack.decode(message)) == (sent_ns is not None)
 
 
 @given(numbered)
