@@ -16,8 +16,9 @@ import msgspec
 from services.calibration_display import Display, Request, ScreenShown
 from tracker_bridge import calibration as protocols
 from tracker_bridge.calibration import SHOWN_WITHIN_NS, Calibration, Commands, Screen, ShownScreen, Stage
-from tracker_bridge.samples import NS_PER_S, Eye, GazeSample, PupilSample
-from tracker_bridge.source import Item, Source, SourceError, Tick
+from tracker_bridge.samples import Eye, GazeSample, PupilSample
+from tracker_bridge.source import Item, Source, SourceError
+from tracker_bridge.sources.played import Played
 from tracker_bridge.sources.simulated import SimulatedSettings
 from tracker_bridge.sources.simulated_live import SimulatedLiveEyes
 
@@ -165,7 +166,7 @@ def items_now(source: Source) -> Generator[tuple[Item, int]]:
     A recording is played at its pace. A simulation of a live source brings its own time.
     """
     own_time = isinstance(source, SimulatedLiveEyes) and not source.info.live
-    items = source.samples() if own_time or source.info.live else _paced(source)
+    items = source.samples() if own_time or source.info.live else Played(source, time.monotonic_ns()).samples()
     try:
         for item in items:
             yield item, item.t_ns if own_time else time.monotonic_ns()
@@ -197,17 +198,6 @@ def follow(
             )
         run.abort()
     return run.recorded()
-
-
-def _paced(source: Source) -> Iterator[Item]:
-    """A recording's samples as if they were measured now: at their pace, on this machine's clock."""
-    shift_ns = time.monotonic_ns() - source.info.t_start_ns
-    for item in source.samples():
-        due_ns = item.t_ns + shift_ns
-        while (left_ns := due_ns - time.monotonic_ns()) > 0:
-            time.sleep(min(left_ns, NS_PER_S // 20) / NS_PER_S)
-            yield Tick(min(time.monotonic_ns(), due_ns))
-        yield msgspec.structs.replace(item, t_ns=due_ns)
 
 
 def protocol_of(name: str, white_s: float | None, black_s: float | None) -> protocols.Protocol:

@@ -2,19 +2,31 @@
 const element = (id) => document.getElementById(id);
 const body = document.body;
 const now = () => Math.round(performance.now() * 1e6);  // ns
+const SILENT_MS = 4000;  // the calibration asks for the time every second
+const CONNECT_AGAIN_MS = 1000;
+const STAY_AWAY = 1008;
+const NOTHING = { screen: "grey", id: 0, stage: "ready" };
 
-const socket = new WebSocket(`${location.protocol === "https:" ? "wss" : "ws"}://${location.host}/display`);
-const say = (message) => { if (socket.readyState === WebSocket.OPEN) socket.send(JSON.stringify(message)); };
-
-let current = { screen: "grey", id: 0, stage: "ready" };
+let socket = null;
+let current = NOTHING;
 let shown = null;  // the answer to the current screen, once there is one
+let heard_ms = 0;
+let silent = true;
+let lock = null;
+
+const say = (message) => { if (socket?.readyState === WebSocket.OPEN) socket.send(JSON.stringify(message)); };
 
 function tell(text) { element("message").textContent = text; }
+
+function allow(label, start, stop) {
+  element("start").textContent = label;
+  element("start").disabled = !start;
+  element("stop").disabled = !stop;
+}
 
 function running() { return current.screen !== "grey"; }
 
 const WORDS = {
-  "ready": "Ready when you are.",
   "paused": "Paused. The screen that was shown starts anew when you go on.",
   "ending": "That was all. Working it out…",
   "aborted": "Stopped. Nothing was changed.",
@@ -22,7 +34,8 @@ const WORDS = {
 };
 
 function follow(command) {
-  if (command.id === current.id) {  // asked for again: the answer got lost, or is still to come
+  if (command.id === current.id && command.screen === current.screen) {
+    // Asked for again: the answer got lost, or is still to come.
     if (shown) say(shown);
     return;
   }
@@ -33,61 +46,99 @@ function follow(command) {
   requestAnimationFrame(() => {
     body.className = command.screen;
     requestAnimationFrame((frame_ms) => {
-      if (command.id !== current.id) return;
+      if (command !== current) return;
       shown = { shown: command.id, t_ns: Math.round(frame_ms * 1e6) };
       say(shown);
     });
   });
-  if (!running()) {
+  if (running()) {
+    keepAwake();
+  } else {
+    const paused = command.stage === "paused";
     tell(WORDS[command.stage] ?? "");
-    const over = command.stage !== "paused";
-    element("start").textContent = over ? "Start" : "Go on";
-    element("start").disabled = over;
-    element("stop").disabled = over;
+    allow(paused ? "Go on" : "Start", paused, paused);
+    if (!paused) letSleep();
   }
 }
 
-let lock = null;
-async function start() {
-  element("start").disabled = true;
-  element("stop").disabled = true;
-  tell("One moment…");
+// A sentence of the calibration's belongs to a grey screen, whatever was shown before it began anew.
+function read({ message, again }) {
+  current = { ...current, screen: "grey" };
+  body.className = "grey";
+  tell(message);
+  allow("Start", again, again);
+}
+
+async function keepAwake() {
+  try { lock ??= await navigator.wakeLock?.request("screen"); } catch { /* then the display may dim; it is soon over */ }
+}
+
+function letSleep() {
+  lock?.release();
+  lock = null;
+}
+
+async function fill() {
   try { await document.documentElement.requestFullscreen(); } catch { /* a window does too, if it fills the view */ }
-  try { lock = await navigator.wakeLock?.request("screen"); } catch { /* then the display may dim; it is soon over */ }
+}
+
+async function start() {
+  allow("Start", false, false);
+  tell("One moment…");
+  await fill();
   say({ request: "start" });
 }
 
 const pause = () => { if (running()) say({ request: "pause" }); };
 
-socket.onopen = () => {
-  tell(WORDS.ready);
-  element("start").disabled = false;
-  element("stop").disabled = false;
-};
-socket.onmessage = (event) => {
-  const message = JSON.parse(event.data);
-  if ("ask" in message) say({ answer: message.ask, t_ns: now() });
-  else if ("screen" in message) follow(message);
-  else if ("message" in message) {
-    tell(message.message);
-    element("start").textContent = "Again";
-    element("start").disabled = !message.again;
-    lock?.release();
-  }
-};
-socket.onclose = (event) => {
+function connect() {
+  const url = new URL(`display${location.search}`, location.href);
+  url.protocol = url.protocol.replace("http", "ws");
+  socket = new WebSocket(url);
+  socket.onopen = () => { heard_ms = performance.now(); };
+  socket.onmessage = (event) => {
+    heard_ms = performance.now();
+    silent = false;
+    const message = JSON.parse(event.data);
+    if ("ask" in message) say({ answer: message.ask, t_ns: now() });
+    else if ("screen" in message) follow(message);
+    else if ("message" in message) read(message);
+  };
+  socket.onclose = (event) => {
+    const kept = element("message").textContent;
+    rest(event.reason || (silent ? kept : `${kept} The calibration has ended: the page can be closed.`));
+    silent = true;
+    if (event.code !== STAY_AWAY) setTimeout(connect, CONNECT_AGAIN_MS);
+  };
+}
+
+function rest(text) {
+  current = NOTHING;
+  shown = null;
   body.className = "grey";
-  current = { screen: "grey", id: 0, stage: "ready" };
-  element("start").disabled = element("stop").disabled = true;
-  const kept = element("message").textContent;
-  tell(event.code === 1008 ? event.reason : `${kept} This calibration has ended: the page can be closed.`);
+  allow("Start", false, false);
+  tell(text);
+  letSleep();
   if (document.fullscreenElement) document.exitFullscreen();
-};
+}
+
+// Whoever asks for screens is gone, or hangs: nobody shall sit before a white or black screen for it.
+setInterval(() => {
+  if (silent || performance.now() - heard_ms < SILENT_MS) return;
+  pause();
+  silent = true;
+  rest("Nothing is heard of the calibration any more. This page goes on when it is back.");
+}, 500);
 
 element("start").addEventListener("click", start);
 element("stop").addEventListener("click", () => say({ request: "abort" }));
+element("fill").addEventListener("click", fill);
 document.addEventListener("keydown", (event) => {
   if (event.code === "Space" && running()) { event.preventDefault(); pause(); }
 });
-document.addEventListener("fullscreenchange", () => { if (!document.fullscreenElement) pause(); });
+document.addEventListener("fullscreenchange", () => {
+  element("fill").hidden = document.fullscreenElement !== null;
+  if (!document.fullscreenElement) pause();
+});
 document.addEventListener("visibilitychange", () => { if (document.hidden) pause(); });
+connect();
