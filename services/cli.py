@@ -10,14 +10,17 @@ from rich.markup import escape
 from services.commands.bridge import bridge
 from services.commands.calibrate import calibrate
 from services.commands.capture import capture
+from services.commands.console import console as console_command
 from services.commands.cost import cost
 from services.commands.detect import detect
 from services.commands.explain import explain
 from services.commands.keys import keys
 from services.commands.psf import psf
 from services.commands.render import render
+from services.commands.report import report
 from services.commands.session import session
 from services.commands.simulate import simulate
+from services.commands.status import status
 from services.commands.tell import tell
 from services.commands.worker import worker
 from services.terminal import console
@@ -34,6 +37,9 @@ app = typer.Typer(
 )
 for command, example in (
     (session, "session --recording my_recording/ --scene room.hdr --mean-luminance 120 --out seen"),
+    (console_command, "console --root sessions"),
+    (status, "status"),
+    (report, "report sessions/2026-01-31_10-00-00.partial"),
     (bridge, "bridge --source my_recording/ --states tcp://127.0.0.1:5555 --events tcp://127.0.0.1:5556"),
     (worker, "worker --states tcp://127.0.0.1:5555 --events tcp://127.0.0.1:5556 --out seen"),
     (render, "render street.hdr --mean-luminance 0.5 --pupil-mm 6 --gaze 5,-2 -o seen.png"),
@@ -46,7 +52,7 @@ for command, example in (
     (tell, 'tell tcp://127.0.0.1:5557 "start recording"'),
     (keys, "keys --out keys --client projector"),
 ):
-    app.command(epilog=f"Example:  entoptic {example}")(command)
+    app.command(name=command.__name__, epilog=f"Example:  entoptic {example}")(command)
 app.add_typer(cost, name="cost")
 
 
@@ -67,6 +73,9 @@ def _known_errors() -> tuple[type[Exception], ...]:
     from services.capture import CaptureError
     from services.control import ControlError
     from services.keys import KeysError
+    from services.live.session_file import SessionFileError
+    from services.live.takes import TakeError
+    from services.live.web import WebError
     from services.reader import ReaderError
     from services.results_folder import ResultsFolderError
     from services.session import SessionError
@@ -80,7 +89,7 @@ def _known_errors() -> tuple[type[Exception], ...]:
     light = (FrameError, OpticsError)
     eyes = (CaptureError, SourceError, CalibrationError, PupilMapError)
     processes = (ReaderError, SessionError, SettingsError, PortInUseError, OpenAddressError, KeysError, ControlError)
-    results = (ResultsFolderError,)
+    results = (ResultsFolderError, SessionFileError, TakeError, WebError)
     return (*light, *eyes, *processes, *results)
 
 

@@ -8,6 +8,8 @@ from typing import Annotated
 
 import typer
 
+from tracker_bridge.chain import Lane
+
 
 class Eyes(StrEnum):
     """Which eyes are rendered."""
@@ -32,11 +34,14 @@ class Save(StrEnum):
     EXR = "exr"
 
 
-Recording = Annotated[
+EyeSource = Annotated[
     str,
     typer.Option(
+        "--source",
+        "--recording",
         help="Eye data: [b]simulated[/b], a folder recorded by Pupil Capture, an export of Pupil Player, any "
-        ".csv/.tsv table (see --map), or usb-file:PATH."
+        ".csv/.tsv table (see --map), or usb-file:PATH; with --live also [b]capture[/b], [b]usb[/b] and "
+        "usb-simulated:RECORDING.",
     ),
 ]
 TableMap = Annotated[
@@ -131,6 +136,23 @@ ClientKeysFolder = Annotated[
     ),
 ]
 Remote = Annotated[str, typer.Option(help="Where Pupil Remote listens, for [b]capture[/b].")]
+UsbFaults = Annotated[
+    list[str], typer.Option("--usb-fault", help="What goes wrong with a simulated USB tracker, like unplug@5s:2s.")
+]
+LaneOption = Annotated[
+    Lane, typer.Option("--lane", help="States at once, or 50 ms later with blinks cut out more finely.")
+]
+PupilMapFile = Annotated[
+    Path | None, typer.Option("--pupil-map", help="What diameters mean, from [b]entoptic calibrate[/b].")
+]
+ConsoleHost = Annotated[
+    str, typer.Option(help="Where the console's page is served; another than 127.0.0.1 needs a --token.")
+]
+ConsolePort = Annotated[int, typer.Option("--port", min=0, max=65535, help="Of the console's page; 0 for any.")]
+ConsoleToken = Annotated[
+    str | None,
+    typer.Option("--token", help="What a browser must show, or a file that holds it; needed beyond this machine."),
+]
 UsbId = Annotated[
     str | None, typer.Option(metavar="VID:PID", help="Which USB eye tracker; the first one unless given.")
 ]

@@ -11,15 +11,24 @@ import contextlib
 import dataclasses
 import time
 from collections.abc import Sequence
+from pathlib import Path
 from typing import Any
 
+import msgspec
 from rich.console import Console
+from rich.markup import escape
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
+from services.eye_data import SIMULATED_SECONDS
+from services.live import session_file
+from services.live.arguments import recorded_bridge_arguments, recorded_worker_arguments
+from services.live.checked import Checked
 from services.live.children import Child
 from services.process import Stop
+from services.psf import observer_file
+from services.results_folder import results_folder
+from tracker_bridge.sources import SIMULATED
 
-SUMMARY = "summary.json"
 READY_WITHIN_S = 60.0
 
 
@@ -42,16 +51,45 @@ def _failed(child: Child, said: str | None) -> SessionError:
     return SessionError(f"the {child.name} failed {child.ending(said)}")
 
 
+def keep(checked: Checked, final: Path, stop: Stop, console: Console) -> Outcome:
+    """Renders every frame of a recording into a folder with all that belongs to it.
+
+    Raises SessionError and ResultsFolderError; then no folder is left.
+    """
+    from services import report, simulated_light
+    from services.live import takes
+    from services.takes import finish
+
+    with results_folder(final) as folder:
+        observer_file.write(folder / "settings.toml", checked.settings)
+        takes.of_session(checked, "offline").write(folder)
+        if (trouble := takes.keep_inputs(folder, checked)) is not None:
+            console.print(f"[yellow]![/yellow] {escape(trouble)}", soft_wrap=True)
+        light = folder / "scene_luminance.csv"
+        if checked.choice.source == SIMULATED:
+            seconds = checked.choice.seconds or SIMULATED_SECONDS
+            steps = simulated_light.of_scene(checked.scene, checked.view, checked.choice.head, seconds)
+            simulated_light.write(light, steps)
+        bridge = recorded_bridge_arguments(checked.choice, folder, light if light.exists() else None)
+        worker = recorded_worker_arguments(checked.choice, folder, folder / "settings.toml")
+        outcome = run(bridge, worker, stop, console)
+        notes = takes.HostNotes(0, interrupted=outcome.interrupted)
+        summary = takes.told(session_file.read(folder), notes, outcome.bridge, finish(folder))
+        (folder / takes.SUMMARY).write_bytes(msgspec.json.format(msgspec.json.encode(summary), indent=2))
+        report.write(folder)
+    return outcome
+
+
 def run(bridge_arguments: Sequence[str], worker_arguments: Sequence[str], stop: Stop, console: Console) -> Outcome:
     """Runs both processes to their end, or until asked to stop. Raises SessionError; leaves no process behind."""
     with contextlib.ExitStack() as children:
-        bridge = Child("bridge", ["bridge", *bridge_arguments])
+        bridge = Child("bridge", bridge_arguments)
         children.callback(bridge.end)
         ready = _wait_for_ready(bridge, stop)
         if ready is None:
             return Outcome({}, {}, interrupted=True)
         addresses = ["--states", ready["states"], "--events", ready["events"]]
-        worker = Child("worker", ["worker", *addresses, *worker_arguments])
+        worker = Child("worker", [*worker_arguments, *addresses])
         children.callback(worker.end)
         return _watch(bridge, worker, stop, console)
 

@@ -1,9 +1,7 @@
-"""`entoptic session`: eye data and a scene in, a video and a report out."""
+"""`entoptic session`: eye data and a scene in, a film and a report out."""
 
 from __future__ import annotations
 
-import dataclasses
-import shutil
 from datetime import datetime
 from pathlib import Path
 from typing import Annotated
@@ -12,19 +10,25 @@ import msgspec
 import typer
 from rich.markup import escape
 
-from services.eye_data import SIMULATED_SECONDS, open_eyes
+from services.eye_data import SIMULATED_SECONDS
+from services.live.choice import DEFAULT_FPS, SessionChoice
 from services.options import (
     BudgetMs,
+    ConsoleHost,
+    ConsolePort,
+    ConsoleToken,
     Everything,
     Eyes,
+    EyeSource,
     Fov,
     Fps,
     Head,
     Height,
+    LaneOption,
     Live,
     MeanLuminance,
-    Pace,
-    Recording,
+    PupilMapFile,
+    Remote,
     Save,
     SaveOption,
     SceneSpec,
@@ -32,21 +36,32 @@ from services.options import (
     Seed,
     SettingsFile,
     TableMap,
+    UsbFaults,
+    UsbId,
     WhichEyes,
     Width,
     Without,
 )
 from services.process import Stop, prepare_jax
 from services.terminal import console
+from tracker_bridge.chain import Lane
+from tracker_bridge.sources.pupil_remote import DEFAULT_REMOTE
+
+INTERRUPTED = 130
 
 
 def session(
-    recording: Recording = "simulated",
+    source: EyeSource = "simulated",
     table_map: TableMap = None,
+    remote: Remote = DEFAULT_REMOTE,
+    usb_id: UsbId = None,
+    usb_fault: UsbFaults = [],  # noqa: B006 - typer copies it
+    pupil_map: PupilMapFile = None,
+    lane: LaneOption = Lane.LIVE,
     scene: SceneSpec = "night-street",
     mean_luminance: MeanLuminance = None,
     seconds: Seconds = None,
-    fps: Fps = 24.0,
+    fps: Fps = DEFAULT_FPS,
     width: Width = None,
     height: Height = None,
     fov: Fov = 104.0,
@@ -54,93 +69,94 @@ def session(
     seed: Seed = 0,
     out: Annotated[Path | None, typer.Option(help="Folder for the results; sessions/<time> unless given.")] = None,
     live: Live = False,
+    page: Annotated[
+        bool, typer.Option("--console", help="With --live: a page in a browser to watch it and change settings.")
+    ] = False,
+    host: ConsoleHost = "127.0.0.1",
+    port: ConsolePort = 8080,
+    token: ConsoleToken = None,
+    again: Annotated[
+        Path | None,
+        typer.Option(metavar="FOLDER", help="Render the frames of an earlier session's folder again, into --out."),
+    ] = None,
     head: Head = "look-around",
     settings: SettingsFile = None,
     budget_ms: BudgetMs = None,
     everything: Everything = False,
     without: Without = [],  # noqa: B006
-    save: SaveOption = [Save.VIDEO],  # noqa: B006 - typer copies it
+    save: SaveOption = [Save.VIDEO],  # noqa: B006
 ) -> None:
-    """Render what a person would have perceived: eye data and a scene in, a video and a report out."""
-    from services import report, simulated_light
-    from services import session as sessions
-    from services.results_folder import results_folder
+    """Render what a person perceives: eye data and a scene in, a film and a report out.
 
-    prepare_jax()
-    from pipeline.scenes import open_scene
-    from pipeline.scenes.head_path import open_head_path
+    Without --live every frame of a recording is rendered, however long it takes; the same session gives the same
+    frames. With --live all runs by the clock until Ctrl-C, or until the recording is over.
+    """
+    from services.session import SessionError
+
+    stop = Stop().on_signals()
+    final = out or Path("sessions") / f"{datetime.now():%Y-%m-%d_%H-%M-%S}"
+    if again is not None:
+        from services import session_again
+
+        session_again.run(again, final, save, stop, console)
+        _say_where(final)
+        return
+    prepare_jax(renders=False)
+    from services.live.checked import check
     from services.settings import load, planned
     from tracker_bridge.sources import SIMULATED
 
-    if recording == SIMULATED and seconds is None:
+    if source == SIMULATED and seconds is None and not live:
         seconds = SIMULATED_SECONDS
+    if page and not live:
+        raise SessionError("--console shows a session that runs by the clock: add --live")
+    choice = SessionChoice(
+        source=source,
+        table_map=None if table_map is None else str(table_map),
+        remote=None if remote == DEFAULT_REMOTE else remote,
+        usb_id=usb_id,
+        usb_fault=tuple(usb_fault),
+        pupil_map=None if pupil_map is None else str(pupil_map),
+        lane=lane.value,
+        seed=seed,
+        seconds=seconds,
+        scene=scene,
+        mean_luminance=mean_luminance,
+        fps=fps,
+        width=width,
+        height=height,
+        fov=fov,
+        eyes=eyes,
+        head=head,
+        save=tuple(save),
+        settings=msgspec.to_builtins(planned(load(settings), budget_ms, everything, without), order="deterministic"),
+    )
     # All input is looked at before anything is started or written.
-    opened_scene = open_scene(scene, mean_luminance_cd_m2=mean_luminance)
-    view = opened_scene.view_for(width, height, fov)
-    open_head_path(head)
-    perception = planned(load(settings), budget_ms, everything, without)
-    source = open_eyes(recording, table_map, seconds, seed, None)
-    if source.info.live and not live:
-        raise sessions.SessionError(f"{source.info.name} measures at its own pace: add --live, or name a recording")
-    for note in (*source.info.notes, *opened_scene.notes):
+    checked = check(choice)
+    if checked.source.info.live and not live:
+        raise SessionError(f"{checked.source.info.name} measures at its own pace: add --live, or name a recording")
+    for note in checked.notes:
         console.print(f"• {escape(note)}")
+    view = checked.view
     console.print(
-        f"[b]{escape(source.info.name)}[/b] before [b]{escape(opened_scene.name)}[/b], "
+        f"[b]{escape(checked.source.info.name)}[/b] before [b]{escape(checked.scene.name)}[/b], "
         f"{view.width_px}×{view.height_px} px per eye"
     )
-    final = out or Path("sessions") / f"{datetime.now():%Y-%m-%d_%H-%M-%S}"
-    stop = Stop().on_signals()
-    with results_folder(final) as folder:
-        bridge_arguments = ["--source", recording, "--seed", str(seed), "--wait", "--tables", str(folder)]
-        bridge_arguments += ["--pace", (Pace.RECORDED if live else Pace.READER).value]
-        worker_arguments = ["--scene", scene, "--fps", str(fps), "--width", str(view.width_px)]
-        worker_arguments += ["--height", str(view.height_px), "--fov", str(fov), "--eyes", eyes.value]
-        worker_arguments += ["--head", head, "--out", str(folder), "--live" if live else "--offline"]
-        if budget_ms is not None:
-            worker_arguments += ["--budget-ms", str(budget_ms)]
-        if everything:
-            worker_arguments.append("--everything")
-        for effect in without:
-            worker_arguments += ["--without", effect]
-        for form in save:
-            worker_arguments += ["--save", form.value]
-        if table_map is not None:
-            bridge_arguments += ["--map", str(table_map)]
-        if mean_luminance is not None:
-            worker_arguments += ["--mean-luminance", str(mean_luminance)]
-        if settings is not None:
-            worker_arguments += ["--settings", str(settings)]
-            shutil.copy(settings, folder / "settings.toml")
-        if seconds is not None:
-            bridge_arguments += ["--seconds", str(seconds)]
-            worker_arguments += ["--seconds", str(seconds)]
-        if recording == SIMULATED:
-            light = folder / "scene_luminance.csv"
-            simulated_light.write(light, simulated_light.of_scene(opened_scene, view, head, seconds or 0.0))
-            bridge_arguments += ["--luminance", str(light)]
-        outcome = sessions.run(bridge_arguments, worker_arguments, stop, console)
-        summary = {
-            "recording": source.info.name,
-            "scene": opened_scene.name,
-            "notes": [*source.info.notes, *opened_scene.notes],
-            "view": dataclasses.asdict(view),
-            "fps": fps,
-            "eyes": eyes.value,
-            "mode": "live" if live else "offline",
-            "seed": seed,
-            "perception": msgspec.to_builtins(perception, order="deterministic"),
-            "interrupted": outcome.interrupted,
-            "bridge": outcome.bridge,
-            "worker": outcome.worker,
-        }
-        (folder / sessions.SUMMARY).write_bytes(msgspec.json.format(msgspec.json.encode(summary), indent=2))
-        report.write(folder)
-    worker = outcome.worker
-    console.print(
-        f"{worker.get('frames', 0)} frames perceived, {worker.get('dropped_frames', 0)} dropped, "
-        f"{outcome.bridge.get('states', 0)} eye states"
-    )
+    if live:
+        from services.live import attended
+        from services.live.web import Web
+
+        web = Web(host, port, token) if page else None
+        raise typer.Exit(attended.session(checked, final, web, stop, console))
+    from services import session as sessions
+
+    outcome = sessions.keep(checked, final, stop, console)
+    console.print(f"{outcome.worker.get('frames', 0)} frames perceived, {outcome.bridge.get('states', 0)} eye states")
+    _say_where(final)
+    if outcome.interrupted:
+        raise typer.Exit(INTERRUPTED)
+
+
+def _say_where(final: Path) -> None:
     console.print(f"results: [b]{escape(str(final.resolve()))}[/b]", soft_wrap=True)
     console.print(f"look at: [b]{escape(str((final / 'report.html').resolve()))}[/b]", soft_wrap=True)
-    if outcome.interrupted:
-        raise typer.Exit(130)

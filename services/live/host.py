@@ -12,8 +12,7 @@ import os
 import tempfile
 import time
 from collections.abc import Callable
-from concurrent.futures import Future, ThreadPoolExecutor
-from concurrent.futures import TimeoutError as StillWorkingError
+from concurrent.futures import Future, ThreadPoolExecutor, wait
 from pathlib import Path
 from typing import Any, Final, Self
 
@@ -65,7 +64,6 @@ class Host:
         self._scratch = self._register()
         self._work = ThreadPoolExecutor(1, "host-work")
         self._checking: Future[Checked] | None = None
-        self._record_checked: Path | None = None
         self._web: Supervised | None = None
         if web_arguments is not None:
             self._web = Supervised(WEB, lambda: web_arguments(self.control), "ready", self.journal)
@@ -108,17 +106,14 @@ class Host:
             self.journal.say("trouble", error=str(error), kind=type(error).__name__)
             return Reply(False, str(error) or type(error).__name__)
 
-    def start(self, choice: SessionChoice, record_to: Path | None = None) -> Reply:
-        """Starts a session, with a take from its first frame on if a folder for it is given.
-
-        Raises what `check` does; where opening all takes long, that is told as trouble later.
-        """
+    def start(self, choice: SessionChoice) -> Reply:
+        """Starts a session. Raises what `check` does; where opening all takes long, that is told as trouble later."""
         if self.session is not None or self._checking is not None:
             return Reply(False, "a session is running: stop it first")
-        self.trouble, self._record_checked = None, record_to
+        self.trouble = None
         self._checking = self._work.submit(check, choice)
-        with contextlib.suppress(StillWorkingError):
-            self._checking.result(CHECK_ANSWERS_WITHIN_S) if record_to is None else self._checking.result()
+        wait([self._checking], CHECK_ANSWERS_WITHIN_S)
+        if self._checking.done():
             self._start_checked()
         return Reply(True, "the session starts")
 
@@ -126,15 +121,19 @@ class Host:
         checking, self._checking = self._checking, None
         assert checking is not None
         try:
-            checked = checking.result()
-            self.session = LiveSession(checked, self._scratch, self._context, self.journal, self._work)
-            for note in checked.notes:
-                self.journal.say("note", note=note)
-            if self._record_checked is not None:
-                self.session.record(self._record_checked)
+            self.begin(checking.result())
         except Exception as error:
             self.trouble = str(error) or type(error).__name__
             raise
+
+    def begin(self, checked: Checked, record_to: Path | None = None) -> LiveSession:
+        """Starts a session, with a take from its first frame on if a folder for it is given."""
+        self.session = LiveSession(checked, self._scratch, self._context, self.journal, self._work)
+        for note in checked.notes:
+            self.journal.say("note", note=note)
+        if record_to is not None:
+            self.session.record(record_to)
+        return self.session
 
     def stop_session(self, within_s: float = ENDS_WITHIN_S) -> Reply:
         """Ends the session; its processes have that long before they are ended by force."""

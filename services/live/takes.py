@@ -21,9 +21,11 @@ from services.live.checked import Checked
 from services.live.supervision import Gap
 from services.psf import observer_file
 from services.results_folder import ResultsFolderError, keep, refuse_foreign
+from services.takes import finish as finish_frames
 
 PARTIAL: Final = ".partial"
 SUMMARY: Final = "summary.json"
+BRIDGE: Final = "bridge.json"
 HOST: Final = "host.json"
 """What the host knows of a take, kept in its folder until that is finished: gaps and trouble."""
 _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9 ._-]{0,63}")
@@ -121,12 +123,10 @@ class Finished:
 
 def finish(folder: Path) -> Finished:
     """Joins films, writes the summary, gives the folder its final name. Raises TakeError; then it can be done again."""
-    from services import takes
-
     folder = folder.resolve()
     try:
         session = session_file.read(folder)
-        summary = {**of_host(session, folder), **takes.finish(folder)}
+        summary = told(session, _notes_of(folder), bridge_of(folder), finish_frames(folder))
         (folder / SUMMARY).write_bytes(msgspec.json.format(msgspec.json.encode(summary), indent=2))
         with contextlib.suppress(FileNotFoundError):
             (folder / HOST).unlink()
@@ -144,17 +144,14 @@ def finish(folder: Path) -> Finished:
     return Finished(final)
 
 
-def of_host(session: session_file.SessionFile, folder: Path) -> dict[str, Any]:
-    """What the summary says beside what bridge and worker did."""
-    try:
-        notes = msgspec.json.decode((folder / HOST).read_bytes(), type=HostNotes)
-    except FileNotFoundError:
-        notes = _notes_of(folder)
+def told(
+    session: session_file.SessionFile, notes: HostNotes, bridge: dict[str, Any], frames: dict[str, Any]
+) -> dict[str, Any]:
+    """All of a summary, live or not; `frames` is what services.takes.finish says."""
     choice = session.choice
     return {
         "recording": session.source,
         "scene": session.scene,
-        "notes": list(session.notes),
         "view": {"width_px": session.width_px, "height_px": session.height_px, "fov_deg": session.fov_deg},
         "fps": choice.fps,
         "eyes": choice.eyes.value,
@@ -164,11 +161,24 @@ def of_host(session: session_file.SessionFile, folder: Path) -> dict[str, Any]:
         "interrupted": notes.interrupted,
         "gaps": list(notes.gaps),
         "trouble": notes.trouble,
+        "bridge": bridge,
+        **frames,
+        "notes": [*session.notes, *frames["notes"]],
     }
 
 
+def bridge_of(folder: Path) -> dict[str, Any]:
+    """The bridge's last word, if it had one."""
+    with contextlib.suppress(OSError, ValueError):
+        said = json.loads((folder / BRIDGE).read_bytes())
+        return said if isinstance(said, dict) else {}
+    return {}
+
+
 def _notes_of(folder: Path) -> HostNotes:
-    """Of a take whose host left none: it died, or it was finished before."""
+    """Of a take whose host left none it is said that the host died, unless it was finished before."""
+    with contextlib.suppress(OSError, msgspec.DecodeError):
+        return msgspec.json.decode((folder / HOST).read_bytes(), type=HostNotes)
     with contextlib.suppress(OSError, ValueError):
         summary = json.loads((folder / SUMMARY).read_text(encoding="utf-8"))
         return HostNotes(0, tuple(summary["gaps"]), summary["interrupted"], summary["trouble"])

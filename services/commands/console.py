@@ -1,0 +1,27 @@
+"""`entoptic console`: a page in a browser from which sessions are started, watched and recorded."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from services.options import ConsoleHost, ConsolePort, ConsoleToken
+from services.process import Stop, prepare_jax
+from services.terminal import console as terminal
+
+
+def console(
+    host: ConsoleHost = "127.0.0.1",
+    port: ConsolePort = 8080,
+    token: ConsoleToken = None,
+    root: Annotated[Path, typer.Option(help="Folder for what is recorded.")] = Path("sessions"),
+) -> None:
+    """Serve a page from which sessions are started, watched, calibrated and recorded, until Ctrl-C."""
+    stop = Stop().on_signals()
+    prepare_jax(renders=False)
+    from services.live import attended
+    from services.live.web import Web
+
+    attended.idle(root, Web(host, port, token), stop, terminal)

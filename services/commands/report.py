@@ -1,0 +1,29 @@
+"""`entoptic report`: finishes a take whose host died, or draws the report of a finished one anew."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.markup import escape
+
+from services.process import prepare_jax
+from services.terminal import console
+
+
+def report(
+    folder: Annotated[Path, typer.Argument(help="Of a session; NAME.partial where it was not finished.")],
+) -> None:
+    """Finish a session that was cut off, and draw its report; also that of a finished one anew."""
+    prepare_jax(renders=False)
+    from services import status
+    from services.live import takes
+
+    if (host := status.host_that_writes(folder)) is not None:
+        raise takes.TakeError(f"{folder} is being recorded now, by process {host}: stop that first")
+    finished = takes.finish(folder)
+    trouble = takes.draw_report(finished.folder)
+    if trouble is not None:
+        raise takes.TakeError(trouble)
+    console.print(f"look at: [b]{escape(str(finished.folder / 'report.html'))}[/b]", soft_wrap=True)

@@ -1,0 +1,103 @@
+"""A host that a person attends from a terminal: one live session, or whatever the console asks for."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import zmq
+from rich.console import Console
+from rich.markup import escape
+
+from services.live.checked import Checked
+from services.live.host import Host
+from services.live.messages import Shown
+from services.live.on_terminal import OnTerminal
+from services.live.takes import PARTIAL
+from services.live.watching import Watching
+from services.live.web import Web
+from services.process import Stop
+from services.results_folder import refuse_foreign
+
+INTERRUPTED = 130
+
+
+def session(checked: Checked, final: Path, web: Web | None, stop: Stop, console: Console) -> int:
+    """Runs a live session to its end, with a take from its first frame on; the exit status."""
+    refuse_foreign(final.resolve())
+    with _host(final.parent, web, console) as host:
+        kept = host.begin(checked, record_to=final)
+        console.print("[dim]Ctrl-C ends it[/dim]")
+        _attend(host, stop, console, lambda: host.session is kept)
+        if kept.last_folder is not None:
+            console.print(f"results: [b]{escape(str(kept.last_folder))}[/b]", soft_wrap=True)
+            if (kept.last_folder / "report.html").exists():
+                console.print(f"look at: [b]{escape(str(kept.last_folder / 'report.html'))}[/b]", soft_wrap=True)
+        trouble = kept.trouble
+        if trouble is not None:
+            console.print(f"[yellow]![/yellow] {escape(trouble)}", soft_wrap=True)
+        unfinished = final.resolve().with_name(final.name + PARTIAL)
+        for folder in (unfinished, kept.last_folder):
+            if folder is not None and folder.exists() and not (folder / "report.html").exists():
+                console.print(f"its report is still to be drawn: [b]entoptic report {escape(str(folder))}[/b]")
+        _leave_at_once_if_busy(host, INTERRUPTED)
+        return INTERRUPTED if stop() else 1 if any(one.state == "failed" for one in kept.processes) else 0
+
+
+def idle(root: Path, web: Web, stop: Stop, console: Console) -> None:
+    """Runs whatever the console asks for, until asked to stop."""
+    with _host(root, web, console) as host:
+        _attend(host, stop, console, lambda: True)
+        _leave_at_once_if_busy(host, 0)
+
+
+@contextlib.contextmanager
+def _host(root: Path, web: Web | None, console: Console) -> Iterator[Host]:
+    settled = None if web is None else web.settled()
+    if settled is None:
+        with Host(root) as host:
+            yield host
+        return
+    with Host(root, lambda control: settled.arguments(control, root), settled.url) as host:
+        console.print(f"open [b]{settled.url}[/b]", soft_wrap=True)
+        if settled.token is not None:
+            console.print("it asks for the token")
+        yield host
+
+
+def _attend(host: Host, stop: Stop, console: Console, goes_on: object) -> None:
+    assert callable(goes_on)
+    context: zmq.Context[zmq.Socket[bytes]] = zmq.Context()
+    watching: tuple[str, Watching] | None = None
+    with contextlib.ExitStack() as opened:
+        opened.callback(context.destroy, linger=0)
+        line = opened.enter_context(OnTerminal(console, host))
+
+        def on_turn() -> bool:
+            nonlocal watching
+            frames = None if host.session is None else host.session.addresses.frames
+            shown: Shown | None = None
+            if watching is not None and watching[0] != frames:
+                watching[1].close()
+                watching = None
+            # Nobody looks at figures that no terminal shows.
+            if watching is None and frames is not None and console.is_terminal:
+                watching = (frames, Watching(context, frames))
+            if watching is not None:
+                shown = watching[1].newest()
+            line.show(shown)
+            return bool(goes_on())
+
+        host.run(stop, on_turn)
+
+
+def _leave_at_once_if_busy(host: Host, status: int) -> None:
+    """A thread that draws a long report cannot be ended, and would hold this process up."""
+    if host.is_busy:
+        host.__exit__(None, None, None)
+        sys.stdout.flush()
+        sys.stderr.flush()
+        os._exit(status)

@@ -1,0 +1,78 @@
+"""The frames of an earlier session once more, from what they were rendered from."""
+
+from __future__ import annotations
+
+import contextlib
+import shutil
+import time
+from collections.abc import Sequence
+from pathlib import Path
+
+import msgspec
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+
+from services.live import session_file, takes
+from services.live.children import Child
+from services.options import Save
+from services.process import Stop
+from services.results_folder import results_folder
+from services.session import SessionError
+
+TABLES = ("states.csv", "events.csv", "bridge.json", session_file.FILE, "settings.toml")
+"""What the frames change nothing in."""
+
+
+def run(before: Path, out: Path, save: Sequence[Save], stop: Stop, console: Console) -> None:
+    """Renders the session in a folder again into another one, with a report of its own.
+
+    Raises SessionError, SessionFileError or ResultsFolderError; then no folder is left.
+    """
+    session = session_file.read(before)
+    if out.resolve() == before.resolve():
+        raise SessionError(f"{out} is that session itself: choose another --out")
+    with results_folder(out) as folder:
+        for name in TABLES:
+            with contextlib.suppress(FileNotFoundError):
+                shutil.copyfile(before / name, folder / name)
+        arguments = ["worker", "--again", str(before), "--out", str(folder)]
+        for what, option in (("scene", "--scene"), ("head", "--head")):
+            path = session.path_of(what, before)
+            arguments += [] if path is None else [option, str(path)]
+        for form in save:
+            arguments += ["--save", form.value]
+        _watch(Child("worker", arguments), stop, console)
+        from services import report
+        from services.takes import finish
+
+        notes = takes.HostNotes(0)
+        summary = takes.told(session, notes, takes.bridge_of(folder), finish(folder))
+        (folder / takes.SUMMARY).write_bytes(msgspec.json.format(msgspec.json.encode(summary), indent=2))
+        if (folder / "states.csv").exists():
+            report.write(folder)
+
+
+def _watch(worker: Child, stop: Stop, console: Console) -> None:
+    said: str | None = None
+    with Progress(
+        TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn(), console=console
+    ) as progress:
+        task = progress.add_task("compiling", total=None)
+        try:
+            while True:
+                code = worker.code()
+                for message in worker.drain():
+                    said = message.get("error", said)
+                    if message["event"] == "progress":
+                        progress.update(
+                            task, description="rendering", completed=message["frame"], total=message["frames"]
+                        )
+                if stop():
+                    raise SessionError("stopped: nothing was written")
+                if code == 0:
+                    return
+                if code is not None:
+                    raise SessionError(f"the worker failed {worker.ending(said)}")
+                time.sleep(0.02)
+        finally:
+            worker.end()
