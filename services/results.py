@@ -1,11 +1,11 @@
-"""What a worker leaves behind: frames, plan.csv, picture pairs for the report, and a summary of it all."""
+"""What a worker leaves behind: frames, moments, plan.csv, picture pairs for the report, and a summary of it all."""
 
 from __future__ import annotations
 
 import contextlib
 import csv
-import dataclasses
 import hashlib
+import io
 import json
 from collections.abc import Sequence
 from pathlib import Path
@@ -14,182 +14,198 @@ from types import TracebackType
 import msgspec
 import numpy as np
 
-from pipeline import Display, Encoding, Frame, Looking, Perceived, View, as_displayed
+from pipeline import Encoding, as_displayed
 from pipeline.effects.encode import encode
-from pipeline.plan import Effect
 from pipeline.sinks.images import still_path, write_exr, write_png, write_still
 from pipeline.sinks.video import Video
+from pipeline.sinks.video_parts import Part
+from services import kept, moments
+from services.appended import Appended
+from services.live.messages import LatencyMs
+from services.moments import Begun, Moment, Moments, Perceive, Resumed
 from services.options import Save
-from tracker_bridge.wire import Eye, EyeState
+from services.rendering import Rendered
+from services.settings import Settings
+from services.tally import PLAN, Heard, Tally, WorkerSummary, plan_columns, whole_rows
 
 KEY_FRAMES = 6
-"""How many frames of a session are kept as picture pairs."""
-
-
-@dataclasses.dataclass(frozen=True)
-class Rendered:
-    """One frame and all that made it."""
-
-    frame_number: int
-    t_s: float
-    state: EyeState | None
-    looking: tuple[Looking, ...]
-    frame: Frame
-    perceived: Perceived
-    scene_ms: float
-
-
-class Heard(msgspec.Struct, frozen=True):
-    """How well a worker heard its bridge."""
-
-    states_received: int
-    states_skipped: int
-    """Published but not read: by intent in live rendering, lost otherwise."""
-    event_gaps: int
-    """How often events were missing at first."""
-    events_lost: int
-    """Events that could not be had again."""
-    messages_refused: dict[str, int]
-    """By the error's name."""
-
-
-class WorkerSummary(msgspec.Struct, frozen=True):
-    """What a worker did."""
-
-    frames: int
-    dropped_frames: int
-    """Frames that live rendering left out rather than fall behind."""
-    heard: Heard
-    perceived_sha256: str
-    """Of all perceived frames' code values, in order."""
-    median_ms: dict[str, float]
-    """Of each part, over the frames in which it ran."""
-    share_of_frames: dict[str, float]
-    """In which each effect ran."""
-    warm_up_s: float
-    """Compiling, before the first frame."""
-
-
-def plan_columns(eyes: Sequence[Eye]) -> list[str]:
-    """The header of plan.csv."""
-    columns = ["frame", "t_s"]
-    for eye in eyes:
-        name = eye.name.lower()
-        columns += [f"{name}_{quantity}" for quantity in ("phase", "pupil_mm", "gaze_x_px", "gaze_y_px")]
-        columns += [f"{name}_{quantity}_cd_m2" for quantity in ("adapted", "mean", "max")]
-    for effect in Effect:
-        columns += [f"{effect.value}_{quantity}" for quantity in ("level", "reason", "ms")]
-    return [*columns, "bound_code_values", "scene_ms", "measure_ms", "kernel_ms", "plan_ms", "encode_ms", "total_ms"]
+"""How many frames of a session of known length are kept as picture pairs."""
+KEY_EVERY_S = 5.0
+"""Between pairs where the length is not known; twice that after PAIRS of them, and so on."""
+PAIRS = 12
 
 
 class Results:
-    """Everything a session's frames leave in its folder; a context, whole files only if it is left in peace."""
+    """Everything that frames leave in a folder.
+
+    A context. One film is whole only if it is left in peace; films in `parts`, and all else, can be read at every
+    moment. In a folder that another process began, this goes on where that one was.
+    """
 
     def __init__(
-        self,
-        folder: Path,
-        view: View,
-        fps: float,
-        eyes: tuple[Eye, ...],
-        save: frozenset[Save],
-        frames: int | None,
-        display: Display,
+        self, folder: Path, begun: Begun, save: frozenset[Save], *, parts: bool, frames: int | None = None
     ) -> None:
-        self._display = display
-        self._folder, self._view, self._fps, self._eyes, self._save = folder, view, fps, eyes, save
-        # A stream of unknown length keeps one picture pair every five seconds.
-        self._key_every = max(round(5 * fps) if frames is None else frames // KEY_FRAMES, 1)
+        """`frames` is how many are to come, if that is known. Raises OSError, and MomentsError for what lies there."""
+        self._folder, self._begun, self._save, self._parts = folder, begun, save, parts
+        self._every = max(round(KEY_EVERY_S * begun.fps) if frames is None else frames // KEY_FRAMES, 1)
+        self._pair_due = self._every // 2
+        self._pairs: list[dict[str, object]] = []
+        self._zero_s, self._display = begun.zero_s, begun.perception.display
+        self._first: int | None = None
+        """Number of the frame at the tables' zero; known with the first frame."""
+        self._tally = Tally(begun.fps)
         self._hash = hashlib.sha256()
-        self._milliseconds: dict[str, list[float]] = {}
-        self._runs = dict.fromkeys(Effect, 0)
-        self._count = 0
-        self._key_frames: list[dict[str, object]] = []
-        self._files = contextlib.ExitStack()
         self._video: Video | None = None
-        self.dropped = 0
+        self._part: Part | None = None
+        self._part_display = self._display
+        self._files = contextlib.ExitStack()
+        with contextlib.ExitStack() as files:
+            self._open(files)
+            self._files = files.pop_all()
+
+    def _open(self, files: contextlib.ExitStack) -> None:
+        record, plan = self._folder / moments.FILE, self._folder / PLAN
+        before = Moments(record) if self._parts and record.exists() and record.stat().st_size else None
+        last = None if before is None else before.last()
+        self._moments = files.enter_context(Appended(record, 0 if before is None else before.whole_bytes))
+        self._plan = files.enter_context(Appended(plan, 0 if before is None else whole_rows(plan)))
+        if not self._plan.size:
+            self._plan.write(_line(plan_columns(self._begun.eyes)))
+        if before is None:
+            self._moments.write(kept.encode(self._begun))
+            return
+        self._tally = Tally.read(plan, self._begun.fps)
+        with contextlib.suppress(OSError, ValueError):
+            self._pairs = json.loads((self._folder / "key_frames" / "key_frames.json").read_bytes())
+            self._pair_due = round(float(str(self._pairs[-1]["t_s"])) * self._begun.fps) + self._pair_gap
+        if last is not None:
+            self._hash.update(last.sha256)
+        self._record(Resumed(self._zero_s, self._begun.perception, self._begun.costs, self._begun.state))
 
     def __enter__(self) -> Results:
-        plan = self._files.enter_context((self._folder / "plan.csv").open("w", newline="", encoding="utf-8"))
-        self._plan = csv.writer(plan)
-        self._plan.writerow(plan_columns(self._eyes))
         return self
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        self._files.__exit__(kind, error, trace)
+        """Closes all. Raises FrameError where the film cannot be finished."""
+        with self._files:
+            if self._part is not None:
+                self._part.close()
+            if self._video is not None:
+                self._video.__exit__(kind, error, trace)
 
-    def add(self, rendered: Rendered) -> None:
-        """Keeps one more frame."""
-        image = side_by_side(rendered.perceived.image)
+    @property
+    def folder(self) -> Path:
+        """Where it all lies."""
+        return self._folder
+
+    @property
+    def digest(self) -> bytes:
+        """SHA-256 of all perceived frames' code values so far."""
+        return self._hash.digest()
+
+    @property
+    def _pair_gap(self) -> int:
+        return int(self._every * 2 ** (len(self._pairs) // PAIRS))
+
+    def _record(self, record: moments.Record) -> None:
+        self._moments.write(kept.encode(record))
+
+    def perceive(self, perception: Settings) -> None:
+        """Settings change, from the next frame on."""
+        self._record(Perceive(perception))
+        self._display = perception.display
+
+    def resume(self, record: Resumed) -> None:
+        """From here on it is what a worker that was started anew rendered."""
+        self._record(record)
+        self._zero_s, self._display, self._first = record.zero_s, record.perception.display, None
+        self._hash = hashlib.sha256(self.digest)
+
+    def check(self) -> None:
+        """Raises OSError where somebody deleted or moved the files: writing would go on into nowhere."""
+        self._moments.check()
+        self._plan.check()
+
+    def add(self, rendered: Rendered, moment: Moment) -> None:
+        """Keeps one more frame, and what it was rendered from. Raises OSError or FrameError where it cannot."""
+        t_s = rendered.t_s - self._zero_s
+        if self._first is None:
+            self._first = min(rendered.frame_number, rendered.frame_number - round(t_s * self._begun.fps))
+        index = rendered.frame_number - self._first
         self._hash.update(rendered.perceived.image.tobytes())
-        self._plan.writerow(self._row(rendered))
-        name = f"{rendered.frame_number:06d}"
+        self._record(msgspec.structs.replace(moment, sha256=self.digest))
+        image = side_by_side(rendered.perceived.image)
         if Save.VIDEO in self._save:
-            if self._video is None:
-                height, width = image.shape[:2]
-                self._video = self._files.enter_context(
-                    Video(self._folder / "perceived.mp4", width, height, self._fps, self._display)
-                )
-            self._video.write(image)
+            self._film(image, index)
+        name = f"{rendered.frame_number:06d}"
         if Save.PNG in self._save:
-            _folder(self._folder / "frames")
-            still = still_path(self._folder / "frames" / name, self._display)
+            still = still_path(_made(self._folder / "frames") / name, self._display)
             write_still(still, image, self._display)
         if Save.EXR in self._save:
-            _folder(self._folder / "frames")
             linear = side_by_side(np.asarray(rendered.perceived.linear).transpose(0, 2, 3, 1))
-            write_exr(self._folder / "frames" / f"{name}.exr", linear)
-        if self._count % self._key_every == self._key_every // 2:
-            self._keep_pair(rendered, name)
-        self._count += 1
-        for step in rendered.perceived.plan:
-            self._runs[step.effect] += step.runs
-        for part, milliseconds in {"scene": rendered.scene_ms, **rendered.perceived.milliseconds}.items():
-            self._milliseconds.setdefault(str(part), []).append(milliseconds)
+            write_exr(_made(self._folder / "frames") / f"{name}.exr", linear)
+        if index >= self._pair_due:
+            self._keep_pair(rendered, name, t_s)
+            while self._pair_due <= index:
+                self._pair_due += self._pair_gap
 
-    def _keep_pair(self, rendered: Rendered, name: str) -> None:
-        _folder(self._folder / "key_frames")
+    def note(self, rendered: Rendered, latency: LatencyMs | None = None) -> None:
+        """Writes the frame's row, when all that it says has happened. Raises OSError where it cannot."""
+        cells = self._tally.add(rendered, self._begun, rendered.t_s - self._zero_s, latency)
+        self._plan.write(_line(cells))
+
+    def _film(self, image: np.ndarray, index: int) -> None:
+        height, width = image.shape[:2]
+        path, fps = self._folder, self._begun.fps
+        if not self._parts:
+            if self._video is None:
+                self._video = Video(path / "perceived.mp4", width, height, fps, self._display)
+            self._video.write(image, index)
+            return
+        if self._part is not None and self._display != self._part_display:
+            self._part.close()
+            self._part = None
+        self._part_display = self._display
+        if self._display.encoding is Encoding.LINEAR:
+            return  # a film has no such frames
+        if self._part is None:
+            self._part = Part(_next_part(self._folder), width, height, fps, self._display, index)
+        self._part.write(image, index)
+
+    def _keep_pair(self, rendered: Rendered, name: str, t_s: float) -> None:
+        folder = _made(self._folder / "key_frames")
         # For a web page, whatever the display.
         page = msgspec.structs.replace(self._display, encoding=Encoding.SRGB)
         displayed, perceived = as_displayed(rendered.frame, page), encode(rendered.perceived.linear, page)
-        write_png(self._folder / "key_frames" / f"{name}_displayed.png", side_by_side(displayed))
-        write_png(self._folder / "key_frames" / f"{name}_perceived.png", side_by_side(perceived))
+        write_png(folder / f"{name}_displayed.png", side_by_side(displayed))
+        write_png(folder / f"{name}_perceived.png", side_by_side(perceived))
         scene = side_by_side(np.asarray(rendered.frame.rgb_cd_m2).transpose(0, 2, 3, 1))
-        write_exr(self._folder / "key_frames" / f"{name}_scene.exr", scene)
-        self._key_frames.append({"frame": rendered.frame_number, "t_s": rendered.t_s})
-        (self._folder / "key_frames" / "key_frames.json").write_text(json.dumps(self._key_frames), encoding="utf-8")
+        write_exr(folder / f"{name}_scene.exr", scene)
+        self._pairs.append({"frame": rendered.frame_number, "t_s": t_s})
+        new = folder / ".key_frames.json.new"
+        new.write_text(json.dumps(self._pairs), encoding="utf-8")
+        new.replace(folder / "key_frames.json")
 
-    def _row(self, rendered: Rendered) -> list[object]:
-        row: list[object] = [rendered.frame_number, f"{rendered.t_s:.6f}"]
-        perceived = rendered.perceived
-        for k, (eye, looking, measured) in enumerate(
-            zip(self._eyes, rendered.looking, perceived.measured, strict=True)
-        ):
-            x_px, y_px = self._view.pixel_of(looking.azimuth_deg, looking.elevation_deg)
-            phase = "none" if rendered.state is None else rendered.state.of(eye).phase.value
-            row += [phase, f"{perceived.pupil_mm[k]:.3f}", f"{x_px:.1f}", f"{y_px:.1f}"]
-            row += [
-                f"{value:.4g}" for value in (perceived.state.adapted_cd_m2[k], measured.mean_cd_m2, measured.max_cd_m2)
-            ]
-        milliseconds = perceived.milliseconds
-        for step in perceived.plan:
-            row += [step.level, step.reason, f"{milliseconds.get(step.effect, 0.0):.2f}"]
-        total = rendered.scene_ms + sum(milliseconds.values())
-        others = (rendered.scene_ms, *(milliseconds[part] for part in ("measure", "kernel", "plan", "encode")), total)
-        return [*row, f"{perceived.plan.bound_code_values:.3g}", *(f"{value:.2f}" for value in others)]
-
-    def summary(self, heard: Heard, warm_up_s: float) -> WorkerSummary:
+    def summary(self, heard: Heard | None, warm_up_s: float | None) -> WorkerSummary:
         """All of it in figures."""
-        return WorkerSummary(
-            frames=self._count,
-            dropped_frames=self.dropped,
-            heard=heard,
-            perceived_sha256=self._hash.hexdigest(),
-            median_ms={part: round(float(np.median(times)), 2) for part, times in self._milliseconds.items()},
-            share_of_frames={effect.value: runs / max(self._count, 1) for effect, runs in self._runs.items()},
-            warm_up_s=round(warm_up_s, 2),
-        )
+        return self._tally.summary(heard, self._hash.hexdigest(), warm_up_s)
+
+
+def film_parts(folder: Path) -> list[Path]:
+    """The parts of a film, in order."""
+    return sorted(folder.glob("perceived-*.mp4"), key=_number)
+
+
+def _number(part: Path) -> int:
+    number = part.stem.rpartition("-")[2]
+    return int(number) if number.isdecimal() else 0
+
+
+def _next_part(folder: Path) -> Path:
+    parts = film_parts(folder)
+    return folder / f"perceived-{_number(parts[-1]) + 1 if parts else 1}.mp4"
 
 
 def side_by_side(images: np.ndarray) -> np.ndarray:
@@ -197,5 +213,12 @@ def side_by_side(images: np.ndarray) -> np.ndarray:
     return np.concatenate(list(images), axis=1)
 
 
-def _folder(path: Path) -> None:
-    path.mkdir(exist_ok=True)
+def _line(cells: Sequence[object]) -> bytes:
+    text = io.StringIO(newline="")
+    csv.writer(text).writerow(cells)
+    return text.getvalue().encode()
+
+
+def _made(folder: Path) -> Path:
+    folder.mkdir(exist_ok=True)
+    return folder

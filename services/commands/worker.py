@@ -33,9 +33,11 @@ from services.process import cache_folder, prepare_jax, process
 
 
 def worker(
-    states: Annotated[str, typer.Option(help="Where a bridge publishes eye states.")],
-    events: Annotated[str, typer.Option(help="Where it publishes events.")],
-    out: Annotated[Path, typer.Option(help="Folder for the results.")],
+    states: Annotated[str, typer.Option(help="Where a bridge publishes eye states.")] = "",
+    events: Annotated[str, typer.Option(help="Where it publishes events.")] = "",
+    out: Annotated[
+        Path | None, typer.Option(help="Folder for the results; with --live nothing is kept unless given.")
+    ] = None,
     scene: SceneSpec = "night-street",
     mean_luminance: MeanLuminance = None,
     seconds: Seconds = None,
@@ -51,19 +53,52 @@ def worker(
     everything: Everything = False,
     without: Without = [],  # noqa: B006
     save: SaveOption = [Save.VIDEO],  # noqa: B006
+    frames: Annotated[
+        str | None, typer.Option(metavar="ADDRESS", help="With --live: publish frames there, tcp://127.0.0.1:*.")
+    ] = None,
+    control: Annotated[
+        str | None,
+        typer.Option(metavar="ADDRESS", help="With --live: be told there what to do, and run until stopped."),
+    ] = None,
+    resume: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE", help="With --live: go on from this checkpoint if it is there, and keep it."),
+    ] = None,
     keys: ClientKeysFolder = None,
+    server_keys: Annotated[
+        Path | None,
+        typer.Option(metavar="FOLDER", help="Keys for --frames and --control, from [b]entoptic keys[/b]."),
+    ] = None,
+    again: Annotated[Path | None, typer.Option(hidden=True)] = None,
     child: Child = False,
 ) -> None:
     """Render what a bridge publishes."""
+    if again is None and not (states and events):
+        raise typer.BadParameter("give the addresses that the bridge said, --states and --events")
+    if out is None and (again is not None or not live):
+        raise typer.BadParameter("give a folder for the results, --out")
+    if not live and (frames or control or resume):
+        raise typer.BadParameter("--frames, --control and --resume go with --live")
     with process(child) as (stop, log):
         prepare_jax()
+        if again is not None:
+            from services import render_again
+
+            assert out is not None
+            out.mkdir(parents=True, exist_ok=True)
+            done = render_again.run(again, out, frozenset(save), stop, log)
+            said = msgspec.to_builtins(done.summary)
+            log.info("ended", **said, first_different=done.first_different, note=done.note)
+            return
         from pipeline.budget import SHIPPED
         from pipeline.budget import load as load_costs
         from pipeline.scenes import open_scene
         from pipeline.scenes.head_path import open_head_path
         from services import keys as key_files
         from services import worker as workers
+        from services.checkpoint import Job
         from services.reader import StateReader
+        from services.rendering import Rendering
         from services.settings import load, planned
         from tracker_bridge.wire import Eye
 
@@ -72,13 +107,26 @@ def worker(
         path = open_head_path(head)
         view = opened.view_for(width, height, fov)
         chosen = {Eyes.LEFT: (Eye.LEFT,), Eyes.RIGHT: (Eye.RIGHT,), Eyes.BOTH: (Eye.LEFT, Eye.RIGHT)}[eyes]
-        out.mkdir(parents=True, exist_ok=True)
-        client = None if keys is None else key_files.load_client(keys)
-        reader = StateReader(states, events, newest_only=live, keys=client)
+        job = Job(scene, mean_luminance, view, fps, chosen, head)
+        costs = load_costs(cache_folder()) if live else SHIPPED
+        rendering = Rendering(opened, view, chosen, perception, costs)
+        if out is not None:
+            out.mkdir(parents=True, exist_ok=True)
+        reader = StateReader(
+            states, events, newest_only=live, keys=None if keys is None else key_files.load_client(keys)
+        )
         try:
-            job = workers.WorkerSettings(view, fps, chosen, live, seconds, out, frozenset(save))
-            costs = load_costs(cache_folder()) if live else SHIPPED
-            summary = workers.run(reader, opened, path, job, perception, stop, log, costs)
+            if live:
+                from services import live_worker
+
+                how = live_worker.LiveSettings(job, frozenset(save), out, seconds, resume, hosted=control is not None)
+                server = None if server_keys is None else key_files.load_server(server_keys)
+                summary = live_worker.run(
+                    reader, rendering, path, how, stop, log, frames=frames, control=control, keys=server
+                )
+            else:
+                assert out is not None
+                summary = workers.run(reader, rendering, path, job, out, frozenset(save), seconds, stop, log)
         finally:
             reader.close()
-        log.info("ended", **msgspec.to_builtins(summary))
+        log.info("ended", **({} if summary is None else msgspec.to_builtins(summary)))

@@ -1,0 +1,156 @@
+"""Films of what happens now: readable while they are written, and whole however their writer ends.
+
+A part begins wherever a writer begins; frames keep their times, so that frames left out leave the one before standing.
+Parts become one film afterwards, by copying: no frame is encoded twice.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import re
+from fractions import Fraction
+from pathlib import Path
+
+import av
+import numpy as np
+from av.container import InputContainer, OutputContainer
+from av.video.stream import VideoStream
+from jaxtyping import UInt8, UInt16
+
+from pipeline.frame import Display, FrameError
+from pipeline.sinks.video import Encoder
+from pipeline.sinks.whole_file import WholeFile
+
+_BEGINS = "begins at "
+"""What a part says of itself, and then of how many seconds, as a fraction."""
+
+
+class Part:
+    """One stretch of a film: fragmented MP4. Half a second at most is lost where its writer is killed.
+
+    Raises FrameError if it cannot be written, for a frame of another size or depth, and for an encoding that no film
+    has.
+    """
+
+    def __init__(
+        self, path: Path, width_px: int, height_px: int, fps: float, display: Display, first_frame: int
+    ) -> None:
+        self._path, self._first = path, first_frame
+        try:
+            self._encoder = Encoder(path, path, (width_px, height_px), fps, display, whole=False)
+        except (OSError, ValueError) as error:
+            raise self._failed(error) from None
+        self._encoder.container.metadata["comment"] = _BEGINS + str(first_frame / Fraction(fps).limit_denominator(1000))
+
+    def write(self, image: UInt8[np.ndarray, "y x 3"] | UInt16[np.ndarray, "y x 3"], frame: int) -> None:
+        """Adds a frame by its number, of which there are `fps` a second."""
+        try:
+            self._encoder.write(image, frame - self._first)
+        except OSError as error:
+            raise self._failed(error) from None
+
+    def close(self) -> None:
+        """Writes what is left; a part without a frame vanishes."""
+        try:
+            if self._encoder.begun:
+                self._encoder.finish()
+        except OSError as error:
+            raise self._failed(error) from None
+        finally:
+            try:
+                self._encoder.container.close()
+            except OSError as error:
+                raise self._failed(error) from None
+            finally:
+                if not self._encoder.begun:
+                    self._path.unlink(missing_ok=True)
+
+    def _failed(self, error: Exception) -> FrameError:
+        reason = str(error).strip().split("\n")[0]
+        return FrameError(f"{self._path} cannot be written ({reason}); check its folder and the space on the disk")
+
+
+def join(parts: list[Path], out: Path) -> tuple[tuple[Path, str], ...]:
+    """One film of all parts, with the gaps between them; returns those that are not in it, and why not.
+
+    A part that its writer left torn counts up to its last whole frame, one that holds no frame not at all. Raises
+    FrameError if the film cannot be written or there is no frame in any part.
+    """
+    file = WholeFile(out)
+    left_over: list[tuple[Path, str]] = []
+    with contextlib.ExitStack() as opened:
+        try:
+            film = opened.enter_context(
+                av.open(str(file.partial), "w", format="mp4", options={"movflags": "+faststart"})
+            )
+        except OSError as error:
+            raise file.failed(str(error)) from None
+        joined = _Joined(film)
+        try:
+            for path in parts:
+                note = _append(joined, path)
+                left_over += [] if note is None else [(path, note)]
+        except OSError as error:
+            with contextlib.suppress(OSError):
+                opened.close()
+            raise file.failed(str(error)) from None
+        if joined.stream is None:
+            opened.close()
+            file.drop()
+            raise FrameError(f"{out}: no part holds a frame, so there is no film")
+        try:
+            opened.close()
+        except OSError as error:
+            raise file.failed(str(error)) from None
+    file.keep()
+    return tuple(left_over)
+
+
+class _Joined:
+    """A film on its way."""
+
+    def __init__(self, container: OutputContainer) -> None:
+        self.container = container
+        self.stream: VideoStream | None = None
+        self.form: tuple[object, ...] = ()
+        self.begins_s = Fraction(0)
+        self.last_dts = -1
+
+
+def _append(joined: _Joined, path: Path) -> str | None:
+    """Adds a part; says what was left out."""
+    try:
+        part = av.open(str(path), "r", format="mp4")
+    except (OSError, ValueError):  # what is no film is a ValueError
+        return f"{path.name} holds no whole frame."
+    with part:
+        if not part.streams.video:
+            return f"{path.name} holds no whole frame."
+        source = part.streams.video[0]
+        begins_s = _begins_s(part)
+        assert source.time_base is not None
+        form = (source.codec_context.name, source.codec_context.extradata, source.time_base)
+        if joined.stream is None:
+            joined.stream = joined.container.add_stream_from_template(source)
+            joined.stream.time_base = source.time_base
+            joined.form, joined.begins_s = form, begins_s
+        elif form != joined.form:
+            return f"{path.name} is of another form than the parts before it and stands alone."
+        offset = round((begins_s - joined.begins_s) / source.time_base)
+        with contextlib.suppress(av.error.InvalidDataError, av.error.EOFError):
+            for packet in part.demux(source):
+                if packet.dts is None or packet.pts is None or packet.is_corrupt:
+                    continue
+                packet.pts += offset
+                packet.dts += offset
+                if packet.dts <= joined.last_dts:
+                    continue
+                joined.last_dts = packet.dts
+                packet.stream = joined.stream
+                joined.container.mux(packet)
+    return None
+
+
+def _begins_s(part: InputContainer) -> Fraction:
+    found = re.fullmatch(re.escape(_BEGINS) + r"(\d+(?:/[1-9]\d*)?)", part.metadata.get("comment", ""))
+    return Fraction(found[1]) if found else Fraction(0)

@@ -1,0 +1,59 @@
+"""A file that grows by whole records, and is readable at every moment, whatever becomes of its writer."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+from pathlib import Path
+from types import TracebackType
+
+
+class Appended:
+    """A context; opened anew it goes on at its end. Raises OSError where it cannot be written.
+
+    Each record is one write that nothing buffers, so that a process that is killed loses none. One that does not fit
+    on the disk is taken back.
+    """
+
+    def __init__(self, path: Path, whole_bytes: int | None = None) -> None:
+        """What a killed writer left behind after `whole_bytes` is cut off; all of a file is whole unless given."""
+        self._path = path
+        self._file = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_CLOEXEC, 0o666)
+        self._size = os.fstat(self._file).st_size
+        if whole_bytes is not None and whole_bytes < self._size:
+            os.ftruncate(self._file, whole_bytes)
+            self._size = whole_bytes
+
+    @property
+    def size(self) -> int:
+        """Bytes so far."""
+        return self._size
+
+    def write(self, record: bytes) -> None:
+        """Adds one record, or nothing."""
+        try:
+            left = memoryview(record)
+            while left:
+                left = left[os.pwrite(self._file, left, self._size + len(record) - len(left)) :]
+        except OSError:
+            with contextlib.suppress(OSError):
+                os.ftruncate(self._file, self._size)
+            raise
+        self._size += len(record)
+
+    def check(self) -> None:
+        """Raises FileNotFoundError where somebody deleted the file: writing would go on into nowhere."""
+        if os.fstat(self._file).st_nlink == 0 or not self._path.exists():
+            raise FileNotFoundError(2, "it was deleted or moved away", str(self._path))
+
+    def close(self) -> None:
+        """Nothing is left to be written."""
+        os.close(self._file)
+
+    def __enter__(self) -> Appended:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()

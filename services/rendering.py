@@ -1,0 +1,157 @@
+"""Frames one after another, each with what is remembered of the ones before; and what a bridge's states are to them."""
+
+from __future__ import annotations
+
+import dataclasses
+import time
+from collections.abc import Callable, Iterable
+
+import numpy as np
+from msgspec.structs import replace
+
+from pipeline import Frame, GlareLevel, Looking, Perceived, Planning, RenderState, View, perceive
+from pipeline.budget import SHIPPED, Choice, CostModel, Timing, corrected
+from pipeline.optics.living import Kick
+from pipeline.plan import SKIPPED
+from pipeline.scenes import Head, Scene
+from services.settings import Settings
+from tracker_bridge.wire import NS_PER_S, Direction, Eye, EyeState, SaccadeOffset
+
+FRESH_NS = 100_000_000
+"""An eye's own direction of gaze older than this gives way to that of both eyes."""
+KICK_LASTS_NS = 2_000_000_000
+"""A saccade that was over before moves the vitreous no more: a hundredth of its lag is left."""
+FARTHEST_DEG = 90.0
+"""No eye turns farther in its socket: a longer saccade is a glitch of the tracker, and kicks nothing."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Rendered:
+    """One frame and all that made it."""
+
+    frame_number: int
+    t_s: float
+    state: EyeState | None
+    looking: tuple[Looking, ...]
+    frame: Frame
+    perceived: Perceived
+    scene_ms: float
+
+
+class Rendering:
+    """A scene before one person's eyes. The same calls give the same frames to the bit."""
+
+    def __init__(
+        self,
+        scene: Scene,
+        view: View,
+        eyes: tuple[Eye, ...],
+        perception: Settings,
+        costs: CostModel = SHIPPED,
+        memory: RenderState | None = None,
+    ) -> None:
+        self._scene, self._view, self._eyes = scene, view, eyes
+        self.perception = perception
+        self.costs = costs
+        self.memory = memory
+        """What the eyes remember after the last frame."""
+
+    def render(
+        self, frame_number: int, t_s: float, dt_s: float, head: Head, state: EyeState | None, kicks: tuple[Kick, ...]
+    ) -> Rendered:
+        """One more frame. Where it fails, nothing is remembered of it."""
+        begun = time.perf_counter()
+        frame = self._scene.frame(t_s, self._view, head, self._eyes)
+        frame.rgb_cd_m2.block_until_ready()
+        scene_ms = (time.perf_counter() - begun) * 1e3
+        looking = tuple(looking_of(state, eye, kicks) for eye in self._eyes)
+        perceived = _perceive(frame, looking, self.perception, self.memory, dt_s, self.costs)
+        self.memory = perceived.state
+        return Rendered(frame_number, t_s, state, looking, frame, perceived, scene_ms)
+
+    def correct(self, timings: Iterable[Timing]) -> None:
+        """Lets the costs follow what a frame took."""
+        self.costs = corrected(self.costs, timings)
+
+    @property
+    def kept_memory(self) -> RenderState | None:
+        """What the eyes remember, less the last frame with its glare: a cache, without which the same comes."""
+        return None if self.memory is None else dataclasses.replace(self.memory, glared=None)
+
+    def warm_up(self, stopped: Callable[[], bool]) -> float:
+        """Compiles the scene and every effect before the clock runs; returns the seconds it took.
+
+        A lamp too bright for float32 compiles another way of glare, a pupil between two computed ones makes a kernel
+        of two, a budget may choose other levels, and dark tiles alone and fades are compiled apart.
+        """
+        begun = time.perf_counter()
+        perception, view, eyes = self.perception, self._view, self._eyes
+        self._scene.frame(0.0, view, Head(), eyes).rgb_cd_m2.block_until_ready()
+        lamp = np.zeros((len(eyes), 3, view.height_px, view.width_px), np.float32)
+        full = replace(perception, plan=Planning(everything=True, leave_out=perception.plan.leave_out))
+        short = () if perception.plan.budget_ms is None else (GlareLevel.VEIL,)
+        lesser = [(5e3, replace(full, glare=replace(full.glare, level=level))) for level in short]
+        for lamp_cd_m2, asked in ((5e3, full), (1e6, full), *lesser):
+            if stopped():
+                return time.perf_counter() - begun
+            lamp[:, :, view.height_px // 2, view.width_px // 2] = lamp_cd_m2
+            frame = Frame.from_rgb(lamp, view.fov_deg)
+            _perceive(frame, (Looking(pupil_mm=4.1),) * len(eyes), asked, None, 0.0)
+        lamp[:] = 100.0
+        lamp[:, :, : view.height_px // 8, : view.width_px // 8] = 1e-3
+        bright = Frame.from_rgb(lamp, view.fov_deg)
+        fading = {"acuity": Choice(perception.acuity.method.value, SKIPPED, 0.5)}
+        before = RenderState((1.0,) * len(eyes), choices=fading)
+        _perceive(bright, (Looking(pupil_mm=4.0),) * len(eyes), perception, before, 0.0)
+        return time.perf_counter() - begun
+
+
+def looking_of(state: EyeState | None, eye: Eye, kicks: tuple[Kick, ...] = ()) -> Looking:
+    """How one eye looks, by the bridge's word: its own gaze while that is fresh, its last trusted pupil, its lids.
+
+    Both eyes make their saccades together, so `kicks` are the same for both. Lids of which nothing is known are open.
+    """
+    if state is None:
+        return Looking()
+    one = state.of(eye)
+    gaze = one.gaze
+    if gaze is None or state.t_ns - gaze.t_ns > FRESH_NS:
+        gaze = state.gaze or gaze or Direction(0.0, 0.0, state.t_ns)
+    openness = 1.0 if one.openness is None else one.openness
+    return Looking(gaze.azimuth_deg, gaze.elevation_deg, one.diameter_mm, openness, kicks)
+
+
+def gaze_deg(state: EyeState | None) -> tuple[float, float] | None:
+    """Where both eyes look, for a head that follows them."""
+    return None if state is None or state.gaze is None else (state.gaze.azimuth_deg, state.gaze.elevation_deg)
+
+
+def kicks_of(saccades: Iterable[SaccadeOffset], t_ns: int) -> tuple[Kick, ...]:
+    """How the eyes turned, for a frame at `t_ns` of the bridge's clock."""
+    return tuple(
+        Kick(saccade.azimuth_deg, saccade.elevation_deg, max(t_ns - saccade.offset_ns, 0) / NS_PER_S)
+        for saccade in saccades
+        if t_ns - saccade.offset_ns <= KICK_LASTS_NS
+        and max(abs(saccade.azimuth_deg), abs(saccade.elevation_deg)) <= FARTHEST_DEG
+    )
+
+
+def _perceive(
+    frame: Frame,
+    looking: tuple[Looking, ...],
+    perception: Settings,
+    memory: RenderState | None,
+    dt_s: float,
+    costs: CostModel = SHIPPED,
+) -> Perceived:
+    return perceive(
+        frame,
+        looking,
+        observer=perception.observer,
+        display=perception.display,
+        state=memory,
+        dt_s=dt_s,
+        effects=perception,
+        planning=perception.plan,
+        costs=costs,
+    )

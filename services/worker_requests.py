@@ -1,0 +1,120 @@
+"""What a live worker is asked, answered from a thread of its own: a frame may take ten seconds, where code is compiled.
+
+Theory of operation: the thread looks at a request and answers what it can; what changes frames or files is put in a
+queue, which the loop that renders takes from between two frames. Who ends a take waits until its files are whole; all
+others have their answer within two seconds.
+"""
+
+from __future__ import annotations
+
+import queue
+import threading
+import time
+from collections.abc import Callable
+from concurrent.futures import Future
+from concurrent.futures import TimeoutError as StillBusyError
+from pathlib import Path
+from typing import Any, Final
+
+import msgspec
+import zmq
+
+from pipeline import FrameError
+from pipeline.effects.tone.own_curve import read_curve
+from services.control import Control, Reply
+from services.live.requests import BeginTake, EndTake, GiveStatus, Perceive, WorkerRequest
+from services.settings import Settings
+from tracker_bridge.access import ServerKeys
+
+TURN_MS: Final = 50
+ANSWER_WITHIN_S: Final = 1.5
+"""A loop that is busy for longer has its say in the status."""
+
+Wish = Settings | BeginTake | EndTake
+"""What the loop has to do."""
+
+
+class WorkerRequests:
+    """The worker's ear. Raises what Control raises."""
+
+    def __init__(
+        self,
+        address: str,
+        keys: ServerKeys | None,
+        status: Callable[[], dict[str, Any]],
+        context: zmq.Context[zmq.Socket[bytes]],
+    ) -> None:
+        """`status` is called from the thread."""
+        self._status = status
+        self._wishes: queue.Queue[tuple[Wish, Future[Reply]]] = queue.Queue()
+        self._over = threading.Event()
+        # From here on it is the thread's.
+        self._control: Control[WorkerRequest] = Control(address, WorkerRequest, self._answer, keys, context)
+        self.address = self._control.address
+        """Where requests are to be sent."""
+        self._thread = threading.Thread(target=self._listen, name="requests", daemon=True)
+        self._thread.start()
+
+    def _listen(self) -> None:
+        try:
+            while not self._over.is_set():
+                self._control.attend(TURN_MS)
+        finally:
+            self._control.close()
+
+    def _answer(self, request: WorkerRequest) -> Reply:
+        match request:
+            case GiveStatus():
+                return Reply(True, "rendering", self._status())
+            case Perceive(settings):
+                try:
+                    perception = msgspec.convert(settings, Settings)
+                    if perception.tone.curve:
+                        read_curve(perception.tone.curve)
+                except (msgspec.ValidationError, FrameError) as error:
+                    return Reply(False, f"settings: {error}")
+                self._wish(perception)
+                return Reply(True, "from the next frame on")
+            case BeginTake(folder):
+                if not Path(folder).is_dir():
+                    return Reply(False, f"{folder} is no folder: make it first")
+                begins = self._wish(request)
+                try:
+                    return begins.result(ANSWER_WITHIN_S)
+                except StillBusyError:
+                    return Reply(True, "the take begins with the next frame, which takes a while")
+            case EndTake():
+                return self._wait_for(self._wish(request))
+
+    def _wish(self, wish: Wish) -> Future[Reply]:
+        answer: Future[Reply] = Future()
+        self._wishes.put((wish, answer))
+        return answer
+
+    def _wait_for(self, answer: Future[Reply]) -> Reply:
+        while not self._over.is_set():
+            try:
+                return answer.result(TURN_MS / 1e3)
+            except StillBusyError:
+                continue
+        return answer.result() if answer.done() else Reply(False, "the worker stops")
+
+    def serve(self, do: Callable[[Wish], Reply], wait_s: float) -> None:
+        """Does what was wished; where nothing was, waits so long for a wish. For the loop."""
+        until_s = time.monotonic() + wait_s
+        while True:
+            try:
+                wish, answer = (
+                    self._wishes.get(timeout=max(until_s - time.monotonic(), 0.0))
+                    if wait_s > 0
+                    else (self._wishes.get_nowait())
+                )
+            except queue.Empty:
+                return
+            answer.set_result(do(wish))
+            wait_s = 0.0
+
+    def close(self) -> None:
+        """Stops listening."""
+        self._over.set()
+        self._thread.join()
