@@ -149,7 +149,8 @@ class Feed:
         return Traces(
             round(now_s - self._zero_s, 4),
             [self._eyes.t_s(state.t_ns, now_s) for state in seen],
-            *(_trace([state.of(eye) for state in seen]) for eye in (Eye.LEFT, Eye.RIGHT)),
+            _trace([state.left for state in seen]),
+            _trace([state.right for state in seen]),
             [
                 None if (gaze := s.gaze) is None else (_short(gaze.azimuth_deg), _short(gaze.elevation_deg))
                 for s in seen

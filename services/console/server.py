@@ -1,0 +1,227 @@
+"""The console as a server: routes, the WebSocket, start and end."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import importlib.metadata
+import socket as sockets
+import threading
+import time
+from collections.abc import AsyncIterator, Callable
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+from typing import cast
+
+import uvicorn
+from starlette.applications import Starlette
+from starlette.exceptions import HTTPException
+from starlette.middleware import Middleware
+from starlette.requests import Request
+from starlette.responses import FileResponse, JSONResponse, Response
+from starlette.routing import Mount, Route, WebSocketRoute
+from starlette.staticfiles import StaticFiles
+from starlette.websockets import WebSocket, WebSocketDisconnect
+from uvicorn.protocols.websockets.websockets_sansio_impl import WebSocketsSansIOProtocol
+
+from services.console import protocol, requests
+from services.console.actions import Actions, Folders
+from services.console.feed import KEPT_S
+from services.console.fields import fields
+from services.console.live import Live, Places
+from services.console.protocol import Fields, Hello, Replied
+from services.console.requests import MAX_REQUEST_BYTES, RequestError
+from services.console.security import Door, Rules
+from services.console.viewers import Page
+from services.live import session_file
+from tracker_bridge.publisher import PortInUseError
+
+PAGE = Path(__file__).parent / "page"
+FULL = 1013
+"""WebSocket's "try again later"."""
+REQUEST_S = 0.02
+"""From one request of a page to the next at least."""
+MOST_CONNECTIONS = 400
+LAST_WORDS_S = 0.15
+"""For pages to be told that this is the end."""
+ENDS_WITHIN_S = 0.5
+"""Connections that are still open then are cut."""
+_THREADS = 8
+
+
+class Console:
+    """All that pages share."""
+
+    def __init__(self, places: Places, folders: Folders) -> None:
+        self.pool = ThreadPoolExecutor(_THREADS, "console")
+        self.live = Live(places, folders.root, self.pool)
+        self.folders = folders
+        self.actions = Actions(self.live, folders, self.pool)
+
+    async def welcome(self, page: Page) -> None:
+        """What a page is sent first."""
+        program = importlib.metadata.version("entoptic")
+        hello = Hello(protocol.VERSION, program, self.live.hosted, None, KEPT_S)
+        first = [protocol.encode(one) for one in (hello, Fields(fields()))]
+        first += [self.live.settings_message(None), protocol.encode(await self.live.status())]
+        page.queue([*first, *self.live.kept()])
+
+    async def attend(self, socket: WebSocket) -> None:
+        """One page, from its coming to its going."""
+        page = Page(socket.scope.get("state", {}).get("abort", lambda: None))
+        await socket.accept()
+        if not self.live.viewers.add(page):
+            await socket.close(FULL, "Too many pages are open: close some.")
+            return
+        try:
+            await self.welcome(page)
+            sending = asyncio.create_task(page.send(socket.send_text, socket.send_bytes, self.live.viewers.pace_s))
+            hearing = asyncio.create_task(self._hear(socket, page))
+            _, others = await asyncio.wait({sending, hearing}, return_when=asyncio.FIRST_COMPLETED)
+            for task in others:
+                task.cancel()
+            results = await asyncio.gather(sending, hearing, return_exceptions=True)
+            if not hearing.cancelled() and isinstance(results[1], Exception):
+                raise results[1]
+            with contextlib.suppress(RuntimeError, WebSocketDisconnect):
+                await socket.close()
+        except WebSocketDisconnect:
+            pass
+        finally:
+            self.live.viewers.remove(page)
+
+    async def _hear(self, socket: WebSocket, page: Page) -> None:
+        while True:
+            message = await socket.receive()
+            if message["type"] == "websocket.disconnect":
+                raise WebSocketDisconnect(message.get("code", 1005))
+            try:
+                said = message.get("text")
+                replied = await self.actions.do(requests.decode_request(said or message.get("bytes") or b""), page)
+            except RequestError as error:
+                replied = Replied(error.re, False, str(error))
+            page.queue([protocol.encode(replied)])
+            await asyncio.sleep(REQUEST_S)
+
+
+class _Sessions(StaticFiles):
+    """What sessions left, and nothing else that may lie beside it."""
+
+    def lookup_path(self, path: str) -> tuple[str, object]:  # type: ignore[override]
+        parts = Path(path).parts
+        assert self.directory is not None
+        known = parts and (Path(self.directory) / parts[0] / session_file.FILE).exists()
+        if not known or any(part.startswith(".") for part in parts):
+            raise HTTPException(404)
+        return super().lookup_path(path)
+
+
+def app(console: Console, rules: Rules) -> Starlette:
+    """The application, with its door."""
+
+    async def index(request: Request) -> Response:
+        return FileResponse(PAGE / "index.html")
+
+    async def health(request: Request) -> Response:
+        return JSONResponse({"ok": True})
+
+    @contextlib.asynccontextmanager
+    async def lifespan(app: Starlette) -> AsyncIterator[None]:
+        running = asyncio.create_task(console.live.run())
+        yield
+        running.cancel()
+        await asyncio.gather(running, return_exceptions=True)
+
+    async def live(socket: WebSocket) -> None:
+        await console.attend(socket)
+
+    return Starlette(
+        routes=[
+            Route("/", index),
+            Route("/health", health),
+            WebSocketRoute("/live", live),
+            Mount("/sessions", _Sessions(directory=console.folders.root, check_dir=False)),
+            Mount("/", StaticFiles(directory=PAGE)),
+        ],
+        middleware=[Middleware(Door, rules=rules)],
+        lifespan=lifespan,
+    )
+
+
+class _Protocol(WebSocketsSansIOProtocol):
+    """Lets a connection be cut whose other end takes nothing: closing it would wait for that for ever."""
+
+    def connection_made(self, transport: asyncio.BaseTransport) -> None:
+        super().connection_made(transport)
+        self.app_state = {**self.app_state, "abort": cast(asyncio.Transport, transport).abort}
+
+
+class Server:
+    """Serves from a thread of its own until closed. Raises PortInUseError."""
+
+    def __init__(self, console: Console, rules: Callable[[int], Rules], host: str, port: int) -> None:
+        """`rules` of the port that it is."""
+        self._console = console
+        self._socket = _listen(host, port)
+        self.port = int(self._socket.getsockname()[1])
+        config = uvicorn.Config(
+            app(console, rules(self.port)),
+            http="h11",
+            ws=_Protocol,
+            ws_max_size=MAX_REQUEST_BYTES,
+            ws_per_message_deflate=False,  # pictures are compressed, and fifty pages' texts would cost a processor
+            h11_max_incomplete_event_size=MAX_REQUEST_BYTES,
+            limit_concurrency=MOST_CONNECTIONS,
+            timeout_graceful_shutdown=1,
+            server_header=False,
+            access_log=False,
+            log_config=None,
+            log_level="critical",
+        )
+        self._server = uvicorn.Server(config)
+        self._loop: asyncio.AbstractEventLoop | None = None
+        self._thread = threading.Thread(target=self._serve, name="console", daemon=True)
+        self._thread.start()
+
+    def _serve(self) -> None:
+        async def serve() -> None:
+            self._loop = asyncio.get_running_loop()
+            await self._server.serve([self._socket])
+
+        asyncio.run(serve())
+
+    @property
+    def lives(self) -> bool:
+        """Whether it serves."""
+        return self._thread.is_alive()
+
+    def close(self) -> None:
+        """Tells all pages, and ends."""
+        if self._loop is not None and self.lives:
+            with contextlib.suppress(RuntimeError):
+                self._loop.call_soon_threadsafe(lambda: self._console.live.viewers.end("The console ends.", again=True))
+            if self._console.live.viewers.pages:
+                time.sleep(LAST_WORDS_S)
+        self._server.should_exit = True
+        self._thread.join(ENDS_WITHIN_S)
+        self._server.force_exit = True
+        self._thread.join(ENDS_WITHIN_S)
+        self._console.live.close()
+        self._console.pool.shutdown(wait=False, cancel_futures=True)
+        self._socket.close()
+
+
+def _listen(host: str, port: int) -> sockets.socket:
+    family = sockets.AF_INET6 if ":" in host else sockets.AF_INET
+    listening = sockets.socket(family, sockets.SOCK_STREAM)
+    listening.setsockopt(sockets.SOL_SOCKET, sockets.SO_REUSEADDR, 1)
+    try:
+        listening.bind((host, port))
+        # From here on a browser that is too early waits and is not refused.
+        listening.listen(128)
+    except OSError as error:
+        listening.close()
+        raise PortInUseError(
+            f"cannot serve the console on {host}:{port}: {error.strerror}; choose another --port, or 0 for any"
+        ) from None
+    return listening
