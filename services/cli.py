@@ -11,6 +11,7 @@ from services.commands.bridge import bridge
 from services.commands.calibrate import calibrate
 from services.commands.capture import capture
 from services.commands.console import console as console_command
+from services.commands.console_server import console_server
 from services.commands.cost import cost
 from services.commands.detect import detect
 from services.commands.explain import explain
@@ -53,6 +54,7 @@ for command, example in (
     (keys, "keys --out keys --client projector"),
 ):
     app.command(name=command.__name__, epilog=f"Example:  entoptic {example}")(command)
+app.command(name="console-server", hidden=True)(console_server)
 app.add_typer(cost, name="cost")
 
 
@@ -71,6 +73,7 @@ def _known_errors() -> tuple[type[Exception], ...]:
     from pipeline import FrameError
     from pipeline.optics import OpticsError
     from services.capture import CaptureError
+    from services.console.access import ConsoleError
     from services.control import ControlError
     from services.keys import KeysError
     from services.live.session_file import SessionFileError
@@ -89,7 +92,7 @@ def _known_errors() -> tuple[type[Exception], ...]:
     light = (FrameError, OpticsError)
     eyes = (CaptureError, SourceError, CalibrationError, PupilMapError)
     processes = (ReaderError, SessionError, SettingsError, PortInUseError, OpenAddressError, KeysError, ControlError)
-    results = (ResultsFolderError, SessionFileError, TakeError, WebError)
+    results = (ResultsFolderError, SessionFileError, TakeError, WebError, ConsoleError)
     return (*light, *eyes, *processes, *results)
 
 
