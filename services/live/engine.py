@@ -26,6 +26,7 @@ from pipeline.effects.adaptation import exposure
 from pipeline.effects.glare import GlareLevel, Mixture
 from pipeline.effects.glare.kernel import Component, Veil
 from pipeline.effects.glare.veil import amounts
+from pipeline.effects.glare.window import window_of
 from pipeline.effects.night_colour import NightColour, NightMethod, tints
 from pipeline.effects.night_colour.share import adapted_share
 from pipeline.effects.settings import Effects
@@ -35,7 +36,7 @@ from pipeline.optics import radial
 from pipeline.optics.whole import VEIL_DEG
 from pipeline.primaries import SUM_WEIGHTS
 from services.live.messages import EngineEye, EngineFrame, EngineKernel
-from services.results import Rendered
+from services.rendering import Rendered
 from tracker_bridge.wire import Eye, Phase
 
 LEAST_STEP = 1 / 32
@@ -90,6 +91,7 @@ def _eye(rendered: Rendered, k: int, eye: Eye, effects: Effects, display: Displa
         glare_ceiling_cd_m2=(
             full_cd_m2(adapted_cd_m2, target_cd_m2, effects.tone, display) if effects.glare.above_display else None
         ),
+        window_reach_deg=_reach_deg(view, perceived.kernels[k]) if GlareLevel.WINDOW.value in glare.weights else None,
         acuity=acuity.level,
         acuity_weight=_weight(acuity),
         acuity_sigma_px=_sigma_px(adapted_cd_m2, view, effects) if acuity.runs else 0.0,
@@ -114,6 +116,10 @@ def _weight(step: Step) -> float:
 
 
 _NOTHING = ("skipped", "off")
+
+
+def _reach_deg(view: View, mixture: Mixture) -> float:
+    return window_of(view, mixture[0][0].scatters.shape[2] // 2).reach_px / view.ppd_centre
 
 
 def _sigma_px(adapted_cd_m2: float, view: View, effects: Effects) -> float:

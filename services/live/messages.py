@@ -159,6 +159,9 @@ class EngineEye(msgspec.Struct, frozen=True):
     """The same of what the veil changes."""
     glare_ceiling_cd_m2: float | None
     """Where given, only a pixel's light above this luminance scatters."""
+    window_reach_deg: float | None
+    """Where given, only light near the gaze goes through the kernel: all within half of this, less and less up to it
+    (docs/engine.md). In pixels of the picture times their number per degree in the middle; the veil is of all light."""
     acuity: str
     """The level; `fit`: blur luminance by a Gaussian of σ = max(1 − L*, 0) px, L* of the pixel's luminance in cd/m²."""
     acuity_weight: float
