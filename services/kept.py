@@ -15,7 +15,7 @@ Record = TypeVar("Record")
 class _Array(msgspec.Struct, frozen=True):
     dtype: str
     shape: tuple[int, ...]
-    bytes: bytes
+    data: bytes
 
 
 def _plain(value: object) -> object:
@@ -29,7 +29,7 @@ def _plain(value: object) -> object:
 
 def _array(kind: Any, value: object) -> object:
     kept = msgspec.convert(value, _Array)
-    array = np.frombuffer(kept.bytes, np.dtype(kept.dtype)).reshape(kept.shape)
+    array = np.frombuffer(kept.data, np.dtype(kept.dtype)).reshape(kept.shape)
     return jnp.asarray(array) if kind.array_type is jax.Array else array
 
 

@@ -23,7 +23,8 @@ from pipeline.effects.glare.window import rectangle_px
 from services.live import engine, messages
 from services.live.door import Door
 from services.live.messages import EyeShown, LatencyMs, Picture, Shown, StepShown
-from services.results import Rendered, side_by_side
+from services.rendering import Rendered
+from services.results import side_by_side
 from services.settings import Settings
 from tracker_bridge.access import OpenAddressError, ServerKeys, is_local
 from tracker_bridge.publisher import KEEPALIVE, PortInUseError, bind
@@ -203,6 +204,7 @@ class LivePublisher:
     def close(self) -> None:
         """Closes the socket; what is queued has 0.2 s to leave."""
         self._socket.disable_monitor()
+        self._connections.close(0)
         self._socket.close()
         self._context.term()
         if self._door is not None:
