@@ -11,7 +11,7 @@ from typing import Annotated
 import typer
 from rich.markup import escape
 
-from services.options import Child
+from services.options import Child, ConsoleToken
 from services.process import process
 from services.terminal import console as terminal
 
@@ -44,9 +44,7 @@ def console_server(
     root: Annotated[Path, typer.Option(help="Folder of the sessions.")] = Path("sessions"),
     observers: Annotated[Path, typer.Option(help="Folder where settings are saved.")] = Path("observers"),
     inputs: Annotated[Path | None, typer.Option(help="Folder of scenes and recordings to choose from.")] = None,
-    token_file: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="File that holds the token to be asked for.")
-    ] = None,
+    token: ConsoleToken = None,
     no_token: Annotated[
         bool, typer.Option("--no-token", help="Ask for none: where the port is reached from this machine alone.")
     ] = False,
@@ -78,7 +76,7 @@ def console_server(
         where = places(
             host_control, given, bridge_keys, bridge_keys if worker_keys is None else key_files.load_client(worker_keys)
         )
-        rules, made = rules_for(host, token_file, allow_host, no_token=no_token, may_make=not child)
+        rules, made = rules_for(host, token, allow_host, no_token=no_token, may_make=not child)
         server = Server(Console(where, Folders(root, observers, inputs)), rules, host, port)
         url = f"http://{f'[{host}]' if ':' in host else host}:{server.port}/"
         log.info("ready", url=url, port=server.port)

@@ -39,25 +39,34 @@ def places(
 
 
 def rules_for(
-    host: str, token_file: Path | None, names: Sequence[str], *, no_token: bool, may_make: bool
+    host: str, given: str | None, names: Sequence[str], *, no_token: bool, may_make: bool
 ) -> tuple[Callable[[int], Rules], str | None]:
-    """Who may come in, by the port; and a token that was made just now, if one was. Raises ConsoleError."""
+    """Who may come in, by the port; and a token that was made just now, if one was. Raises ConsoleError.
+
+    `given`: a token, or the file that holds one.
+    """
     token = made = None
-    if token_file is not None:
-        token = _token_in(token_file)
+    if given is not None:
+        token = _token_of(given)
     elif not no_token and not is_local(f"tcp://{host}:0"):
         if not may_make:
-            raise ConsoleError(f"--host {host} can be reached from other machines: give --token-file")
+            raise ConsoleError(
+                f"--host {host} can be reached from other machines: give --token, or the file that holds one"
+            )
         token = made = new_token()
     known = (*(name.lower() for name in names), *(() if token is None else (host.lower(),)))
     return lambda port: Rules(token, known, port), made
 
 
-def _token_in(path: Path) -> str:
-    try:
-        token = path.read_text(encoding="utf-8").strip()
-    except (OSError, UnicodeDecodeError) as error:
-        raise ConsoleError(f"--token-file {path}: {getattr(error, 'strerror', None) or 'no text'}") from None
+def _token_of(given: str) -> str:
+    token, path = given, Path(given)
+    if path.is_file():
+        try:
+            token = path.read_text(encoding="utf-8").strip()
+        except (OSError, UnicodeDecodeError) as error:
+            raise ConsoleError(f"--token {path}: {getattr(error, 'strerror', None) or 'no text'}") from None
     if len(token) < LEAST_TOKEN or not token.isascii() or not token.replace("-", "").replace("_", "").isalnum():
-        raise ConsoleError(f"--token-file {path}: a token is {LEAST_TOKEN} or more letters, digits, - and _")
+        raise ConsoleError(
+            f"--token: a token, or what its file holds, is {LEAST_TOKEN} or more letters, digits, - and _"
+        )
     return token

@@ -13,12 +13,13 @@ import msgspec
 from msgspec.structs import replace
 
 from pipeline import FrameError
+from services.calibration_page import Screens
 from services.console import listing, requests
 from services.console.fields import changed
 from services.console.live import Live
 from services.console.protocol import PERCEIVED, Replied
 from services.console.viewers import Page
-from services.control import ControlError, Reply, ask
+from services.control import PATIENCE_MS, ControlError
 from services.live import requests as asked
 from services.live.addresses import Addresses
 from services.psf import observer_file
@@ -58,8 +59,8 @@ class Refused(Exception):
 class Actions:
     """For one event loop; what takes time is done by a pool of threads."""
 
-    def __init__(self, live: Live, folders: Folders, pool: ThreadPoolExecutor) -> None:
-        self._live, self._folders, self._pool = live, folders, pool
+    def __init__(self, live: Live, folders: Folders, pool: ThreadPoolExecutor, screens: Screens) -> None:
+        self._live, self._folders, self._pool, self._screens = live, folders, pool, screens
         self._changing = asyncio.Lock()
         """Settings are changed by one page after the other."""
 
@@ -92,6 +93,10 @@ class Actions:
                 return await self._host(asked.StopRecord())
             case requests.CalibratePupils():
                 return await self._calibrate(request)
+            case requests.StartScreens():
+                if not await self._screens.start():
+                    raise Refused("no display is there: open the page of the screens first")
+                return _done("the screens begin")
             case requests.RecordTracker():
                 return await self._bridge(asked.StartRecording(request.name))
             case requests.Perceive():
@@ -171,9 +176,9 @@ class Actions:
         return await self._ask(addresses.bridge, request, self._live.places.bridge_keys)
 
     async def _ask(
-        self, address: str, request: msgspec.Struct, keys: ClientKeys | None, patience_ms: int = 2000
+        self, address: str, request: msgspec.Struct, keys: ClientKeys | None, patience_ms: int = PATIENCE_MS
     ) -> Replied:
-        reply: Reply = await self._aside(lambda: ask(address, request, keys, patience_ms=patience_ms))
+        reply = await self._live.asker.ask(address, request, keys, patience_ms)
         return Replied(None, reply.done, reply.reply, reply.data)
 
     async def _aside(self, work: Callable[[], Answer]) -> Answer:

@@ -15,6 +15,7 @@ import msgspec
 import zmq
 
 from services.console import protocol
+from services.console.asking import Asker
 from services.console.feed import Feed, name_of
 from services.console.figures import Figures
 from services.console.pictures import Pictures
@@ -49,9 +50,10 @@ class Live:
         self.observer: str | None = None
         self._root, self._pool = root, pool
         self._zero_s = time.monotonic()
-        self._host = Watched(pool, None)
-        self._bridge = Watched(pool, places.bridge_keys)
-        self._worker = Watched(pool, places.worker_keys)
+        self.asker = Asker()
+        self._host = Watched(self.asker, None)
+        self._bridge = Watched(self.asker, places.bridge_keys)
+        self._worker = Watched(self.asker, places.worker_keys)
         self._feed: Feed | None = None
         self._pictures: Pictures | None = None
         self._figures = Figures()
@@ -94,7 +96,11 @@ class Live:
             tasks.create_task(self._tick())
 
     def close(self) -> None:
-        """Ends the threads; from any thread, when nothing runs any more."""
+        """Ends all; from any thread, when the loop has ended."""
+        self._stop_reading()
+        self.asker.close()
+
+    def _stop_reading(self) -> None:
         for each in (self._feed, self._pictures):
             if each is not None:
                 each.close()
@@ -105,7 +111,7 @@ class Live:
             await self._follow()
             self._take_over_settings()
             if self.viewers.pages:
-                self.viewers.newest("status", protocol.encode(await self.status()))
+                self.viewers.newest("status", protocol.encode(self.status()))
             await asyncio.sleep(TICK_S)
 
     async def _follow(self) -> None:
@@ -114,7 +120,7 @@ class Live:
         if addresses == (None if self._feed is None else self._feed.addresses):
             return
         assert self._loop is not None
-        await self._loop.run_in_executor(self._pool, self.close)
+        await self._loop.run_in_executor(self._pool, self._stop_reading)
         if addresses is None:
             return
         places = self.places
@@ -191,7 +197,7 @@ class Live:
             free_bytes=_free_bytes(self._root),
         )
 
-    async def status(self) -> Status:
+    def status(self) -> Status:
         """For the pages."""
         now = self.snapshot()
         host, bridge, worker = now.host, now.bridge or BridgeSays(), now.worker or WorkerSays()

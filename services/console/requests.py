@@ -65,6 +65,10 @@ class CalibratePupils(_Request, frozen=True, tag="calibrate pupils"):
     map_mm: bool = False
 
 
+class StartScreens(_Request, frozen=True, tag="start screens"):
+    """The screens of a pupil calibration are to begin, or to go on, as by the button on their own page."""
+
+
 class StopCalibratingPupils(_Request, frozen=True, tag="stop calibrating pupils"):
     """It is to be broken off."""
 
@@ -123,6 +127,7 @@ Request = (
     | Record
     | StopRecord
     | CalibratePupils
+    | StartScreens
     | StopCalibratingPupils
     | CalibrateGaze
     | StopCalibratingGaze

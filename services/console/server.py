@@ -24,6 +24,7 @@ from starlette.staticfiles import StaticFiles
 from starlette.websockets import WebSocket, WebSocketDisconnect
 from uvicorn.protocols.websockets.websockets_sansio_impl import WebSocketsSansIOProtocol
 
+from services.calibration_page import Screens
 from services.console import protocol, requests
 from services.console.actions import Actions, Folders
 from services.console.feed import KEPT_S
@@ -37,6 +38,7 @@ from services.live import session_file
 from tracker_bridge.publisher import PortInUseError
 
 PAGE = Path(__file__).parent / "page"
+SCREENS_URL = "/screens/"
 FULL = 1013
 """WebSocket's "try again later"."""
 REQUEST_S = 0.02
@@ -56,14 +58,19 @@ class Console:
         self.pool = ThreadPoolExecutor(_THREADS, "console")
         self.live = Live(places, folders.root, self.pool)
         self.folders = folders
-        self.actions = Actions(self.live, folders, self.pool)
+        self.screens = Screens(self._where, places.bridge_keys)
+        self.actions = Actions(self.live, folders, self.pool, self.screens)
+
+    def _where(self) -> tuple[str, str] | None:
+        addresses = self.live.addresses
+        return None if addresses is None else (addresses.screens, addresses.answers)
 
     async def welcome(self, page: Page) -> None:
         """What a page is sent first."""
         program = importlib.metadata.version("entoptic")
-        hello = Hello(protocol.VERSION, program, self.live.hosted, None, KEPT_S)
+        hello = Hello(protocol.VERSION, program, self.live.hosted, SCREENS_URL, KEPT_S)
         first = [protocol.encode(one) for one in (hello, Fields(fields()))]
-        first += [self.live.settings_message(None), protocol.encode(await self.live.status())]
+        first += [self.live.settings_message(None), protocol.encode(self.live.status())]
         page.queue([*first, *self.live.kept()])
 
     async def attend(self, socket: WebSocket) -> None:
@@ -140,6 +147,7 @@ def app(console: Console, rules: Rules) -> Starlette:
             Route("/", index),
             Route("/health", health),
             WebSocketRoute("/live", live),
+            Mount(SCREENS_URL.rstrip("/"), routes=console.screens.routes),
             Mount("/sessions", _Sessions(directory=console.folders.root, check_dir=False)),
             Mount("/", StaticFiles(directory=PAGE)),
         ],

@@ -5,12 +5,12 @@ from __future__ import annotations
 import asyncio
 import time
 from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
 from typing import Any, TypeVar
 
 import msgspec
 
-from services.control import ControlError, ask
+from services.console.asking import Asker
+from services.control import ControlError
 from services.live.addresses import Addresses
 from services.live.requests import GiveStatus
 from tracker_bridge.access import ClientKeys
@@ -126,10 +126,10 @@ class Snapshot(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class Watched:
-    """Asks one process for its status, again and again, by a thread of a pool. All else is for one event loop."""
+    """Asks one process for its status, again and again. For one event loop."""
 
-    def __init__(self, pool: ThreadPoolExecutor, keys: ClientKeys | None) -> None:
-        self._pool, self._keys = pool, keys
+    def __init__(self, asker: Asker, keys: ClientKeys | None) -> None:
+        self._asker, self._keys = asker, keys
         self.data: dict[str, Any] | None = None
         """The last answer; None while there is none, or the last one is too old."""
         self.heard_s = time.monotonic()
@@ -141,21 +141,20 @@ class Watched:
 
     async def watch(self, address: Callable[[], str | None]) -> None:
         """Until cancelled. `address`: None while it is not known."""
-        loop = asyncio.get_running_loop()
         while True:
             begun_s = time.monotonic()
             if (place := address()) is None:
                 self.data, self.heard_s = None, begun_s
             else:
-                data = await loop.run_in_executor(self._pool, self._ask, place)
+                data = await self._ask(place)
                 if data is not None:
                     self.data, self.heard_s = data, time.monotonic()
                 elif self.silent_s > SILENT_S:
                     self.data = None
             await asyncio.sleep(max(PERIOD_S - (time.monotonic() - begun_s), 0.1))
 
-    def _ask(self, address: str) -> dict[str, Any] | None:
+    async def _ask(self, address: str) -> dict[str, Any] | None:
         try:
-            return ask(address, GiveStatus(), self._keys, patience_ms=PATIENCE_MS).data
+            return (await self._asker.ask(address, GiveStatus(), self._keys, PATIENCE_MS)).data
         except ControlError:
             return None
