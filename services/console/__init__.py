@@ -3,15 +3,19 @@
 protocol.py   every message from the server to a page
 requests.py   what a page may ask for
 server.py     routes, the WebSocket, start and end
+access.py     what the command line says of where a session is and of who may see it
 security.py   who may come in: host names, origins, the token, what browsers are told
 viewers.py    the pages that watch, and what each of them is sent
+live.py       what is known of the session that runs
 feed.py       states, events and frames' figures from bridge and worker
-pictures.py   frames' pictures from the worker, as JPEG
-jpeg.py       how a picture becomes one
+figures.py    what the last seconds of those come to
+pictures.py   frames' pictures from the worker
+jpeg.py       how a picture becomes a JPEG
 status.py     what the processes say of themselves
+asking.py     requests to them
 problems.py   what is wrong, and what to do
-actions.py    how that is done
+actions.py    what a page asks for, done
 fields.py     settings as sliders, switches and choices
-listing.py    observers, scenes, sources and sessions that are there
+listing.py    observers, scenes, eye data and sessions that are there
 page/         the page itself
 """

@@ -50,9 +50,7 @@ def rules_for(
         token = _token_of(given)
     elif not no_token and not is_local(f"tcp://{host}:0"):
         if not may_make:
-            raise ConsoleError(
-                f"--host {host} can be reached from other machines: give --token, or the file that holds one"
-            )
+            raise ConsoleError(f"--host {host} can be reached from other machines: give --token or its file")
         token = made = new_token()
     known = (*(name.lower() for name in names), *(() if token is None else (host.lower(),)))
     return lambda port: Rules(token, known, port), made
@@ -66,7 +64,5 @@ def _token_of(given: str) -> str:
         except (OSError, UnicodeDecodeError) as error:
             raise ConsoleError(f"--token {path}: {getattr(error, 'strerror', None) or 'no text'}") from None
     if len(token) < LEAST_TOKEN or not token.isascii() or not token.replace("-", "").replace("_", "").isalnum():
-        raise ConsoleError(
-            f"--token: a token, or what its file holds, is {LEAST_TOKEN} or more letters, digits, - and _"
-        )
+        raise ConsoleError(f"--token: a token, or what its file holds, has {LEAST_TOKEN} or more letters and digits")
     return token

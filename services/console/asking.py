@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any, cast
+
 import msgspec
 import zmq
 import zmq.asyncio
@@ -23,7 +25,7 @@ class Asker:
         socket = self._context.socket(zmq.REQ)
         socket.setsockopt(zmq.LINGER, 0)
         if keys is not None:
-            keys.use(socket)
+            keys.use(cast(Any, socket))  # of the same options, though not of the same type
         try:
             socket.connect(address)
             await socket.send(msgspec.msgpack.encode(request))

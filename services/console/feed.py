@@ -151,10 +151,7 @@ class Feed:
             [self._eyes.t_s(state.t_ns, now_s) for state in seen],
             _trace([state.left for state in seen]),
             _trace([state.right for state in seen]),
-            [
-                None if (gaze := s.gaze) is None else (_short(gaze.azimuth_deg), _short(gaze.elevation_deg))
-                for s in seen
-            ],
+            [_angles(state.gaze) for state in seen],
         )
 
 

@@ -58,8 +58,8 @@ def srgb(values: NDArray[np.generic], encoding: str, peak_cd_m2: float) -> NDArr
         case _:
             raise MessageError(f"a picture of {values.dtype} in {encoding!r}, which is not known")
     share = np.clip(np.nan_to_num(light, nan=0.0), 0, 1)
-    codes: NDArray[np.uint8] = _codes()[np.rint(np.sqrt(share) * (_STEPS - 1)).astype(np.int32)]
-    return codes
+    encoded: NDArray[np.uint8] = _codes()[np.rint(np.sqrt(share) * (_STEPS - 1)).astype(np.int32)]
+    return encoded
 
 
 @functools.cache

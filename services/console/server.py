@@ -48,7 +48,7 @@ LAST_WORDS_S = 0.15
 """For pages to be told that this is the end."""
 ENDS_WITHIN_S = 0.5
 """Connections that are still open then are cut."""
-_THREADS = 8
+_THREADS = 4
 
 
 class Console:
@@ -214,8 +214,8 @@ class Server:
         self._thread.join(ENDS_WITHIN_S)
         self._server.force_exit = True
         self._thread.join(ENDS_WITHIN_S)
-        self._console.live.close()
         self._console.pool.shutdown(wait=False, cancel_futures=True)
+        self._console.live.close()
         self._socket.close()
 
 
