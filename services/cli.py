@@ -78,7 +78,6 @@ def _known_errors() -> tuple[type[Exception], ...]:
     from services.keys import KeysError
     from services.live.session_file import SessionFileError
     from services.live.takes import TakeError
-    from services.live.web import WebError
     from services.reader import ReaderError
     from services.results_folder import ResultsFolderError
     from services.session import SessionError
@@ -92,7 +91,7 @@ def _known_errors() -> tuple[type[Exception], ...]:
     light = (FrameError, OpticsError)
     eyes = (CaptureError, SourceError, CalibrationError, PupilMapError)
     processes = (ReaderError, SessionError, SettingsError, PortInUseError, OpenAddressError, KeysError, ControlError)
-    results = (ResultsFolderError, SessionFileError, TakeError, WebError, ConsoleError)
+    results = (ResultsFolderError, SessionFileError, TakeError, ConsoleError)
     return (*light, *eyes, *processes, *results)
 
 

@@ -58,7 +58,7 @@ def keep(checked: Checked, final: Path, stop: Stop, console: Console) -> Outcome
     """
     from services import report, simulated_light
     from services.live import takes
-    from services.takes import finish
+    from services.takes import BRIDGE, finish
 
     with results_folder(final) as folder:
         observer_file.write(folder / "settings.toml", checked.settings)
@@ -74,7 +74,8 @@ def keep(checked: Checked, final: Path, stop: Stop, console: Console) -> Outcome
         worker = recorded_worker_arguments(checked.choice, folder, folder / "settings.toml")
         outcome = run(bridge, worker, stop, console)
         notes = takes.HostNotes(0, interrupted=outcome.interrupted)
-        summary = takes.told(session_file.read(folder), notes, outcome.bridge, finish(folder))
+        (folder / BRIDGE).write_bytes(msgspec.json.encode(outcome.bridge))
+        summary = takes.told(session_file.read(folder), notes, finish(folder))
         (folder / takes.SUMMARY).write_bytes(msgspec.json.format(msgspec.json.encode(summary), indent=2))
         report.write(folder)
     return outcome

@@ -7,6 +7,7 @@ import shutil
 import time
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import msgspec
 from rich.console import Console
@@ -14,6 +15,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 
 from services.live import session_file, takes
 from services.live.children import Child
+from services.moments import FILE as MOMENTS
 from services.options import Save
 from services.process import Stop
 from services.results_folder import results_folder
@@ -29,6 +31,8 @@ def run(before: Path, out: Path, save: Sequence[Save], stop: Stop, console: Cons
     Raises SessionError, SessionFileError or ResultsFolderError; then no folder is left.
     """
     session = session_file.read(before)
+    if not (before / MOMENTS).exists():
+        raise SessionError(f"{before} holds no {MOMENTS}: nothing was kept from which frames could be rendered again")
     if out.resolve() == before.resolve():
         raise SessionError(f"{out} is that session itself: choose another --out")
     with results_folder(out) as folder:
@@ -36,24 +40,25 @@ def run(before: Path, out: Path, save: Sequence[Save], stop: Stop, console: Cons
             with contextlib.suppress(FileNotFoundError):
                 shutil.copyfile(before / name, folder / name)
         arguments = ["worker", "--again", str(before), "--out", str(folder)]
-        for what, option in (("scene", "--scene"), ("head", "--head")):
-            path = session.path_of(what, before)
-            arguments += [] if path is None else [option, str(path)]
         for form in save:
             arguments += ["--save", form.value]
-        _watch(Child("worker", arguments), stop, console)
+        different = _watch(Child("worker", arguments), stop, console).get("first_different")
+        words = "all frames are the same" if different is None else f"frames differ from frame {different} on"
+        console.print(words)
         from services import report
         from services.takes import finish
 
         notes = takes.HostNotes(0)
-        summary = takes.told(session, notes, takes.bridge_of(folder), finish(folder))
+        summary = takes.told(session, notes, finish(folder))
         (folder / takes.SUMMARY).write_bytes(msgspec.json.format(msgspec.json.encode(summary), indent=2))
         if (folder / "states.csv").exists():
             report.write(folder)
 
 
-def _watch(worker: Child, stop: Stop, console: Console) -> None:
+def _watch(worker: Child, stop: Stop, console: Console) -> dict[str, Any]:
+    """What it said when it ended."""
     said: str | None = None
+    ended: dict[str, Any] = {}
     with Progress(
         TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn(), console=console
     ) as progress:
@@ -63,6 +68,7 @@ def _watch(worker: Child, stop: Stop, console: Console) -> None:
                 code = worker.code()
                 for message in worker.drain():
                     said = message.get("error", said)
+                    ended = message if message["event"] == "ended" else ended
                     if message["event"] == "progress":
                         progress.update(
                             task, description="rendering", completed=message["frame"], total=message["frames"]
@@ -70,7 +76,7 @@ def _watch(worker: Child, stop: Stop, console: Console) -> None:
                 if stop():
                     raise SessionError("stopped: nothing was written")
                 if code == 0:
-                    return
+                    return ended
                 if code is not None:
                     raise SessionError(f"the worker failed {worker.ending(said)}")
                 time.sleep(0.02)

@@ -17,6 +17,8 @@ def console(
     port: ConsolePort = 8080,
     token: ConsoleToken = None,
     root: Annotated[Path, typer.Option(help="Folder for what is recorded.")] = Path("sessions"),
+    observers: Annotated[Path, typer.Option(help="Folder where settings are saved.")] = Path("observers"),
+    inputs: Annotated[Path | None, typer.Option(help="Folder of scenes and recordings to choose from.")] = None,
 ) -> None:
     """Serve a page from which sessions are started, watched, calibrated and recorded, until Ctrl-C."""
     stop = Stop().on_signals()
@@ -24,4 +26,4 @@ def console(
     from services.live import attended
     from services.live.web import Web
 
-    attended.idle(root, Web(host, port, token), stop, terminal)
+    attended.idle(root, Web(host, port, token, observers, inputs), stop, terminal)

@@ -57,14 +57,10 @@ def idle(root: Path, web: Web, stop: Stop, console: Console) -> None:
 @contextlib.contextmanager
 def _host(root: Path, web: Web | None, console: Console) -> Iterator[Host]:
     settled = None if web is None else web.settled()
-    if settled is None:
-        with Host(root) as host:
-            yield host
-        return
-    with Host(root, lambda control: settled.arguments(control, root), settled.url) as host:
-        console.print(f"open [b]{settled.url}[/b]", soft_wrap=True)
-        if settled.token is not None:
-            console.print("it asks for the token")
+    with Host(root, settled) as host:
+        if settled is not None:
+            query = "" if settled.token is None or web is None or web.token is not None else f"?token={settled.token}"
+            console.print(f"open [b]{settled.url}{query}[/b]", soft_wrap=True)
         yield host
 
 

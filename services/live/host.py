@@ -8,6 +8,7 @@ host, whatever ends it, since each holds the other end of a pipe to it.
 from __future__ import annotations
 
 import contextlib
+import functools
 import os
 import tempfile
 import time
@@ -27,6 +28,7 @@ from services.live.journal import Journal
 from services.live.live_session import ENDS_WITHIN_S, LiveSession
 from services.live.requests import GiveStatus, HostRequest, Record, StartSession, StopRecord, StopSession
 from services.live.supervised import Supervised
+from services.live.web import Web
 from services.process import Stop
 
 TURN_MS: Final = 20
@@ -45,12 +47,12 @@ class Host:
     def __init__(
         self,
         root: Path,
-        web_arguments: Callable[[str], list[str]] | None = None,
-        console_url: str | None = None,
+        web: Web | None = None,
         control_address: str = "tcp://127.0.0.1:*",
     ) -> None:
-        """Takes are kept in `root`; `web_arguments` of the host's control start a server of the console, if any."""
-        self.root, self.console_url = root, console_url
+        """Takes are kept in `root`; `web` is settled."""
+        self.root = root
+        self.console_url = None if web is None else web.url
         self.session: LiveSession | None = None
         self.trouble: str | None = None
         self._last: LiveSession | None = None
@@ -65,10 +67,11 @@ class Host:
         self._work = ThreadPoolExecutor(1, "host-work")
         self._checking: Future[Checked] | None = None
         self._web: Supervised | None = None
-        if web_arguments is not None:
-            self._web = Supervised(WEB, lambda: web_arguments(self.control), "ready", self.journal)
+        if web is not None:
+            arguments = functools.partial(web.arguments, self.control, root, self._scratch)
+            self._web = Supervised(WEB, arguments, "ready", self.journal)
             self._web.start()
-        self.journal.say("host", control=self.control, root=str(root), console=console_url)
+        self.journal.say("host", control=self.control, root=str(root), console=self.console_url)
 
     def _register(self) -> Path:
         """Says that this host runs, where others look; the folder for what is needed meanwhile."""

@@ -25,7 +25,6 @@ from services.takes import finish as finish_frames
 
 PARTIAL: Final = ".partial"
 SUMMARY: Final = "summary.json"
-BRIDGE: Final = "bridge.json"
 HOST: Final = "host.json"
 """What the host knows of a take, kept in its folder until that is finished: gaps and trouble."""
 _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9 ._-]{0,63}")
@@ -126,7 +125,7 @@ def finish(folder: Path) -> Finished:
     folder = folder.resolve()
     try:
         session = session_file.read(folder)
-        summary = told(session, _notes_of(folder), bridge_of(folder), finish_frames(folder))
+        summary = told(session, _notes_of(folder), finish_frames(folder))
         (folder / SUMMARY).write_bytes(msgspec.json.format(msgspec.json.encode(summary), indent=2))
         with contextlib.suppress(FileNotFoundError):
             (folder / HOST).unlink()
@@ -144,10 +143,8 @@ def finish(folder: Path) -> Finished:
     return Finished(final)
 
 
-def told(
-    session: session_file.SessionFile, notes: HostNotes, bridge: dict[str, Any], frames: dict[str, Any]
-) -> dict[str, Any]:
-    """All of a summary, live or not; `frames` is what services.takes.finish says."""
+def told(session: session_file.SessionFile, notes: HostNotes, done: dict[str, Any]) -> dict[str, Any]:
+    """All of a summary, live or not; `done` is what services.takes.finish says."""
     choice = session.choice
     return {
         "recording": session.source,
@@ -161,18 +158,10 @@ def told(
         "interrupted": notes.interrupted,
         "gaps": list(notes.gaps),
         "trouble": notes.trouble,
-        "bridge": bridge,
-        **frames,
-        "notes": [*session.notes, *frames["notes"]],
+        "notes": list(session.notes),
+        **done,
+        "bridge": done["bridge"] or {},
     }
-
-
-def bridge_of(folder: Path) -> dict[str, Any]:
-    """The bridge's last word, if it had one."""
-    with contextlib.suppress(OSError, ValueError):
-        said = json.loads((folder / BRIDGE).read_bytes())
-        return said if isinstance(said, dict) else {}
-    return {}
 
 
 def _notes_of(folder: Path) -> HostNotes:
