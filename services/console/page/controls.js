@@ -1,0 +1,79 @@
+// Start, stop and record; and one line that says how it stands.
+import { inTime } from "./facts.js";
+import { byId, setText } from "./make.js";
+import { say } from "./say.js";
+import { openTab } from "./tabs.js";
+
+export function watchControls(connection, session) {
+  const start = byId("start"), record = byId("record");
+  let hello = null, status = null, busy = null;
+
+  async function doing(what, request, values) {
+    busy = what;
+    show();
+    const { done, reply } = await connection.ask(request, values);
+    busy = null;
+    say(reply);
+    show();
+    session.refresh();
+    return done;
+  }
+
+  async function startOrStop() {
+    if (start.disabled) return;
+    if (status.running) { await doing("Stopping", "stop"); openTab("facts"); return; }
+    if (!session.form.checkValidity()) { openTab("session"); session.form.reportValidity(); return; }
+    if (!(await doing("Starting", "start", { choice: session.choice() }))) openTab("session");
+    else openTab("facts");
+  }
+
+  async function recordOrNot() {
+    if (record.disabled) return;
+    if (status.take === null) await doing("Beginning to record", "record");
+    else await doing("Finishing the take", "stop record");
+  }
+
+  function show() {
+    const connected = hello !== null && status !== null;
+    const running = connected && status.running, taking = connected && status.take !== null;
+    start.hidden = record.hidden = connected && !hello.hosted;
+    start.disabled = !connected || busy !== null;
+    record.disabled = !running || busy !== null;
+    setText(byId("start-text"), running ? "Stop" : "Start");
+    setText(byId("start-sign"), running ? "■" : "▶");
+    start.classList.toggle("main", !running);
+    record.setAttribute("aria-pressed", String(taking));
+    setText(byId("record-text"), taking ? `Stop recording ${inTime(status.take_s ?? 0)}` : "Record");
+    byId("calibrate").disabled = !running;
+    const [state, words] = connected ? (busy ? ["waiting", `${busy}…`] : standing(status)) : ["waiting", "Connecting…"];
+    byId("now-mark").dataset.state = state;
+    setText(byId("now-text"), words);
+    document.body.dataset.live = !connected ? "lost" : !running ? "stopped" : status.preparing ? "preparing" : "live";
+  }
+
+  connection.on("open", (message) => { hello = message; show(); });
+  connection.on("status", (message) => {
+    // Somebody who comes before anything runs wants to start something.
+    if (status === null && !message.running && hello.hosted) openTab("session");
+    status = message;
+    show();
+  });
+  connection.on("lost", ({ again }) => {
+    status = null;
+    show();
+    byId("now-mark").dataset.state = "bad";
+    setText(byId("now-text"), again ? "Not connected; trying again…" : "Not connected");
+  });
+  start.addEventListener("click", startOrStop);
+  record.addEventListener("click", recordOrNot);
+  return { startOrStop, recordOrNot };
+}
+
+function standing(status) {
+  if (!status.running) return ["idle", "Nothing runs. Choose eyes and a scene under Session, then Start."];
+  const what = `${status.source ?? "eyes"} before ${status.scene ?? "a scene"}`;
+  if (status.preparing) return ["waiting", `Being prepared: ${what}. The first frame takes up to a minute.`];
+  if (status.problems.some(({ severity }) => severity === "error")) return ["bad", `Running, but something is wrong: ${what}`];
+  const rate = status.reached_fps === null ? "" : `, ${status.reached_fps.toFixed(0)} frames a second`;
+  return ["good", `${status.take === null ? "Running" : `Recording into ${status.take}`}: ${what}${rate}`];
+}

@@ -1,0 +1,43 @@
+// What is wrong and what to do, the worst first; those that last are not said again to those who listen.
+import { byId, make, setText } from "./make.js";
+
+const SIGNS = { error: ["bad", "Wrong: "], warning: ["warn", "Take care: "], note: ["note", "Note: "] };
+const LOST = "connection lost";
+
+export function watchProblems(connection) {
+  const strip = byId("problems"), shown = new Map();
+  let ours = [], theirs = [];
+
+  function show() {
+    const wanted = [...ours, ...theirs];
+    for (const [name, element] of shown) {
+      if (!wanted.some((problem) => problem.name === name)) { element.remove(); shown.delete(name); }
+    }
+    for (const problem of wanted) {
+      if (!shown.has(problem.name)) {
+        shown.set(problem.name, entry(problem));
+        strip.append(shown.get(problem.name));
+      }
+      const element = shown.get(problem.name);
+      setText(element.querySelector(".what"), problem.what);
+      setText(element.querySelector(".remedy"), problem.remedy);
+    }
+  }
+
+  connection.on("status", ({ problems }) => { theirs = problems; show(); });
+  connection.on("open", () => { ours = []; show(); });
+  connection.on("lost", ({ reason, again }) => {
+    theirs = [];  // nobody knows whether they last
+    const remedy = again ? "It is being tried again. If it lasts, look whether the console still runs in its terminal." :
+      "Open the address that the console printed when it started, with its token, or reload this page.";
+    ours = [{ name: LOST, severity: "error", what: `No connection to the console's server${reason ? `: ${reason}` : ""}.`, remedy }];
+    show();
+  });
+}
+
+function entry({ name, severity }) {
+  const [state, said] = SIGNS[severity] ?? SIGNS.warning;
+  return make("div", { class: "problem", "data-weight": state, "data-name": name },
+    make("span", { class: "mark", "data-state": state, "aria-hidden": "true" }),
+    make("p", {}, make("span", { class: "unseen" }, said), make("span", { class: "what" }), " ", make("span", { class: "remedy" })));
+}

@@ -1,0 +1,108 @@
+// Settings that act at once: of observer, display, plan and effects; kept as observers and taken from them.
+import { control } from "./fields.js";
+import { byId, make, setText } from "./make.js";
+import { say } from "./say.js";
+
+const SETTLED_MS = 150;  // a slider that moves is told this often at most
+
+export function watchSettings(connection) {
+  const panel = byId("panel-settings");
+  const controls = new Map();
+  const body = make("div");
+  const observer = observers(connection);
+  panel.append(observer.element, body);
+  let waiting = {}, timer = 0, asked = 0;
+
+  async function send() {
+    const changes = waiting;
+    waiting = {};
+    asked++;
+    const { done, reply } = await connection.ask("perceive", { changes });
+    asked--;
+    wrong(Object.keys(changes), done ? "" : reply);
+  }
+
+  function changed(path, value) {
+    waiting[path] = value;
+    clearTimeout(timer);
+    timer = setTimeout(send, SETTLED_MS);
+  }
+
+  function wrong(paths, why) {
+    for (const path of paths) {
+      const { element } = controls.get(path);
+      element.querySelector(".wrong")?.remove();
+      if (why) element.append(make("p", { class: "wrong", role: "alert" }, why));
+    }
+  }
+
+  connection.on("fields", ({ fields }) => {
+    body.replaceChildren();
+    controls.clear();
+    const folds = new Map();
+    for (const field of fields) {
+      const made = control(field, (value) => changed(field.path, value));
+      controls.set(field.path, made);
+      if (field.first) { body.append(made.element); continue; }
+      if (!folds.has(field.group)) {
+        const fold = make("details", {}, make("summary", {}, field.group));
+        folds.set(field.group, fold);
+        body.append(fold);
+      }
+      folds.get(field.group).append(made.element);
+    }
+    body.append(make("div", { class: "row" }, make("button", { id: "defaults", onclick: defaults }, "Back to defaults")));
+  });
+
+  async function defaults() {
+    const { done, reply } = await connection.ask("perceive", { from_defaults: true });
+    if (done) wrong([...controls.keys()], "");
+    say(done ? "All settings have their defaults." : reply);
+  }
+
+  connection.on("settings", ({ settings, observer: name }) => {
+    observer.in_force(name);
+    for (const [path, { set }] of controls) {
+      // What is being moved here is newer than what comes back.
+      if (path in waiting || asked) continue;
+      set(path.split(".").reduce((table, key) => table?.[key], settings) ?? null);
+    }
+  });
+}
+
+function observers(connection) {
+  const now = make("p", { class: "soft", id: "observer-now" }, "Not saved.");
+  const name = make("input", { type: "text", id: "observer-name", pattern: "[A-Za-z0-9][A-Za-z0-9_\\-]*", maxlength: 64, autocomplete: "off" });
+  const list = make("select", { id: "observer-list", "aria-label": "Saved observers" });
+  const load = make("button", { id: "observer-load", onclick: take }, "Load");
+
+  async function refresh() {
+    const { done, data } = await connection.ask("list", { what: "observers" });
+    if (!done) return;
+    list.replaceChildren(...data.map(({ value, label }) => make("option", { value }, label)));
+    load.disabled = list.disabled = data.length === 0;
+  }
+
+  async function keep() {
+    if (!name.value || !name.checkValidity()) { say("A name has letters, digits, - and _ and begins with a letter or a digit."); name.focus(); return; }
+    let answer = await connection.ask("save observer", { name: name.value });
+    if (!answer.done && answer.data?.exists && confirm(`There is an observer ${name.value} already. Replace it?`)) {
+      answer = await connection.ask("save observer", { name: name.value, overwrite: true });
+    }
+    say(answer.reply);
+    refresh();
+  }
+
+  async function take() {
+    const { reply } = await connection.ask("load observer", { name: list.value });
+    say(reply);
+  }
+
+  connection.on("open", refresh);
+  return {
+    element: make("div", { id: "observers" }, now,
+      make("div", { class: "row" }, make("label", { for: "observer-name" }, "Save as"), name, make("button", { id: "observer-save", onclick: keep }, "Save")),
+      make("div", { class: "row" }, list, load)),
+    in_force: (observer) => setText(now, observer ? `These are the settings of ${observer}.` : "Changed since they were saved or loaded, or never saved."),
+  };
+}
