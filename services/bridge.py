@@ -1,11 +1,9 @@
-"""The bridge process: opens a source, publishes its states and events, and keeps them as tables."""
+"""The bridge process: opens a source, publishes its states and events, keeps them, and does what it is asked to."""
 
 from __future__ import annotations
 
 import contextlib
-import csv
 import dataclasses
-import functools
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
@@ -13,33 +11,45 @@ import msgspec
 import structlog
 
 from services.control import Control
-from services.live.requests import TrackerRequest
+from services.eye_data import ROOM_CD_M2
+from services.live.bridge_desk import BridgeDesk
+from services.live.pupil_calibration import PupilCalibration
+from services.live.requests import BridgeRequest
+from services.live.scene_light import SceneLight
+from services.live.tables import Tables
 from services.process import Stop
-from services.tracker_tasks import told
 from tracker_bridge import bridge
-from tracker_bridge.access import ServerKeys
+from tracker_bridge.access import ClientKeys, ServerKeys
 from tracker_bridge.chain import Chain, Lane
-from tracker_bridge.events import ClockEstimated, Event, Heartbeat, SaccadeOffset, SaccadeOnset, StreamStarted
-from tracker_bridge.publisher import Publisher
+from tracker_bridge.events import ClockEstimated, Event, Heartbeat, SaccadeOffset, SaccadeOnset
+from tracker_bridge.publisher import LINGER_MS, LIVE_LINGER_MS, Publisher
 from tracker_bridge.pupil_map import PupilMap
-from tracker_bridge.samples import NS_PER_S, Eye, EyeState, GazeSample, PupilSample
+from tracker_bridge.samples import NS_PER_S, EyeState, GazeSample, PupilSample
 from tracker_bridge.source import Item, Source, SourceError, SourceInfo
+from tracker_bridge.sources.played import Played
 from tracker_bridge.sources.pupil_recorder import PupilRecorder
+from tracker_bridge.sources.simulated_endless import EndlessEyes
 
-STATE_COLUMNS = (
-    "sequence",
-    "t_s",
-    "gaze_azimuth_deg",
-    "gaze_elevation_deg",
-    *(
-        f"{eye}_{quantity}"
-        for eye in ("right", "left")
-        for quantity in ("phase", "diameter_mm", "measured_mm", "confidence", "openness", "borrowed")
-    ),
-)
-EVENT_COLUMNS = ("t_s", "event", "eye", "duration_ms", "amplitude_deg", "peak_velocity_deg_s", "detail")
+LIGHT_WITHIN_MS = 500
+"""So long a bridge that is started anew waits for the worker's next frame."""
 QUIET = (ClockEstimated, Heartbeat, SaccadeOnset, SaccadeOffset)
 """Events that come too often for a log."""
+
+
+@dataclasses.dataclass(frozen=True)
+class LiveSettings:
+    """What a bridge that is a part of a live session has beside."""
+
+    screens_address: str | None = None
+    """Where it asks a display for the screens of a pupil calibration."""
+    answers_address: str | None = None
+    """Where the display answers."""
+    sees_address: str | None = None
+    """A worker's frames: their light falls into simulated eyes."""
+    reader_keys: ClientKeys | None = None
+    """For that worker, if it has keys."""
+    goes_on: bool = False
+    """Another bridge was there before this one."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -64,6 +74,10 @@ class BridgeSettings:
     """A folder for states.csv and events.csv; made where it is missing."""
     recording: Path | None
     """A new folder for a recording of Pupil's form."""
+    pupil_map_file: Path | None = None
+    """Where `pupil_map` lies."""
+    live: LiveSettings | None = None
+    """What a part of a live session has beside."""
 
 
 def run(source: Source, settings: BridgeSettings, stop: Stop, log: structlog.typing.FilteringBoundLogger) -> None:
@@ -74,35 +88,45 @@ def run(source: Source, settings: BridgeSettings, stop: Stop, log: structlog.typ
     """
     if source.info.live and not settings.real_time:
         raise SourceError(f"{source.info.name} measures at its own pace and waits for no reader: leave --pace out")
+    live, session = source.info.live, settings.live
+    if session is not None and session.sees_address is not None and not isinstance(source, EndlessEyes):
+        raise SourceError(f"{source.info.name} has pupils that no light drives: leave --sees out")
     publisher = Publisher(
         settings.states_address,
         settings.events_address,
         replay_address=settings.replay_address,
         keys=settings.keys,
     )
-    live = source.info.live
     with contextlib.ExitStack() as opened:
-        opened.callback(publisher.close)
-        control: Control[TrackerRequest] = Control(
-            settings.control_address,
-            TrackerRequest,
-            functools.partial(told, source),
-            settings.keys,
-            publisher.context,
+        opened.callback(publisher.close, LIVE_LINGER_MS if live else LINGER_MS)
+        chain = Chain(live=live, lane=settings.lane, pupil_map=settings.pupil_map)
+        desk = BridgeDesk(
+            source, chain, publisher, log, in_session=session is not None, pupil_map=settings.pupil_map_file
+        )
+        opened.callback(desk.close)
+        control: Control[BridgeRequest] = Control(
+            settings.control_address, BridgeRequest, desk.answer, settings.keys, publisher.context
         )
         opened.callback(control.close)
+        places = {} if session is None else _open_session(source, desk, session, settings.keys, publisher)
         on_record = opened.enter_context(_tables(settings.tables))
         states_at, events_at = publisher.addresses
-        log.info("ready", source=source.info.name, states=states_at, events=events_at, control=control.address)
+        log.info(
+            "ready", source=source.info.name, states=states_at, events=events_at, control=control.address, **places
+        )
         for remark in source.info.notes:
             log.info("source", note=remark)
-        chain = Chain(live=live, lane=settings.lane, pupil_map=settings.pupil_map)
         if settings.wait_for_reader:
             publisher.wait_for_reader(stop)
         on_item = opened.enter_context(_recording(settings.recording, source.info, log))
 
+        def take_in(item: Item) -> None:
+            on_item(item)
+            desk.item(item)
+
         def note(record: EyeState | Event) -> None:
             on_record(record)
+            desk.record(record)
             if live and not isinstance(record, (EyeState, *QUIET)):
                 log.info(type(record).__name__, **msgspec.to_builtins(record))
 
@@ -113,13 +137,41 @@ def run(source: Source, settings: BridgeSettings, stop: Stop, log: structlog.typ
             real_time=settings.real_time,
             seconds=settings.seconds,
             stopped=stop,
-            on_item=on_item,
+            on_item=take_in,
             on_record=note,
             between=control.attend,
         )
         if not (settings.real_time or live):
             publisher.wait_until_left(stop)
         log.info("ended", states=count, stalls=publisher.stalls, late_samples=chain.late_count)
+
+
+def _open_session(
+    source: Source, desk: BridgeDesk, session: LiveSettings, keys: ServerKeys | None, publisher: Publisher
+) -> dict[str, object]:
+    """Opens what a live session has beside; what is to be logged of it."""
+    places: dict[str, object] = {}
+    if isinstance(source, EndlessEyes | Played):
+        places["begun_ns"] = source.info.t_start_ns
+    eyes = source if isinstance(source, EndlessEyes) else None
+    if session.screens_address is not None and session.answers_address is not None:
+        desk.calibration = PupilCalibration(
+            session.screens_address,
+            session.answers_address,
+            source.info.name,
+            keys=keys,
+            context=publisher.context,
+            eyes=eyes,
+            scene_cd_m2=ROOM_CD_M2,
+        )
+        places["screens"], places["answers"] = desk.calibration.addresses
+    if session.sees_address is not None:
+        desk.light = SceneLight(session.sees_address, session.reader_keys, publisher.context)
+        # A pupil that starts in another light than it had would wander for seconds.
+        light = desk.light.newest(LIGHT_WITHIN_MS if session.goes_on else 0)
+        if light is not None:
+            desk.shine(light)
+    return places
 
 
 @contextlib.contextmanager
@@ -141,85 +193,29 @@ def _recording(
             log.warning("recording", directions_beyond_90_deg_left_out=recorder.unwritable)
 
 
-class _Writer:
-    def __init__(self, folder: Path) -> None:
-        self._folder = folder
-        self._start_ns = 0
-        self._files = contextlib.ExitStack()
-        with self._named():
-            folder.mkdir(parents=True, exist_ok=True)
-            self._states, self._events = (
-                csv.writer(self._files.enter_context((folder / name).open("w", newline="", encoding="utf-8")))
-                for name in ("states.csv", "events.csv")
-            )
-            self._states.writerow(STATE_COLUMNS)
-            self._events.writerow(EVENT_COLUMNS)
-
-    def __call__(self, record: EyeState | Event) -> None:
-        if isinstance(record, StreamStarted):
-            self._start_ns = record.t_ns
-        with self._named():
-            if isinstance(record, EyeState):
-                self._states.writerow(self._state_row(record))
-            elif not isinstance(record, Heartbeat):
-                self._events.writerow(self._event_row(record))
-
-    def close(self) -> None:
-        with self._named():
-            self._files.close()
-
-    @contextlib.contextmanager
-    def _named(self) -> Iterator[None]:
-        try:
-            yield
-        except OSError as error:
-            raise SourceError(
-                f"tables in {self._folder} cannot be written: {error.strerror}; make room, or choose another --tables"
-            ) from None
-
-    def _state_row(self, state: EyeState) -> list[object]:
-        gaze = state.gaze
-        row: list[object] = [state.sequence, self._seconds(state.t_ns)]
-        row += ["", ""] if gaze is None else [f"{gaze.azimuth_deg:.4f}", f"{gaze.elevation_deg:.4f}"]
-        for one in (state.right, state.left):
-            row += [one.phase.value, *(_number(value) for value in (one.diameter_mm, one.measured_mm))]
-            row += [_number(one.confidence), _number(one.openness), int(one.borrowed)]
-        return row
-
-    def _event_row(self, event: Event) -> list[object]:
-        fields = msgspec.structs.asdict(event)
-        duration_ns = fields.pop("duration_ns", None)
-        if isinstance(event, SaccadeOffset):
-            duration_ns = event.offset_ns - event.onset_ns
-        eye = fields.pop("eye", None)
-        amplitude, velocity = (fields.pop(name, None) for name in ("amplitude_deg", "peak_velocity_deg_s"))
-        fields.pop("t_ns")
-        for name in ("onset_ns", "offset_ns") if isinstance(event, SaccadeOnset | SaccadeOffset) else ():
-            if name in fields:
-                fields[name.replace("_ns", "_s")] = self._seconds(fields.pop(name))
-        return [
-            self._seconds(event.t_ns),
-            type(event).__name__,
-            "" if eye is None else Eye(eye).name.lower(),
-            "" if duration_ns is None else f"{duration_ns * 1e-6:.1f}",
-            _number(amplitude),
-            _number(velocity),
-            "; ".join(f"{name} {_number(v) if isinstance(v, float) else v}" for name, v in fields.items()),
-        ]
-
-    def _seconds(self, t_ns: int) -> str:
-        return f"{(t_ns - self._start_ns) / NS_PER_S:.6f}"
-
-
-def _number(value: float | None) -> str:
-    return "" if value is None else f"{value:.4f}"
-
-
 @contextlib.contextmanager
 def _tables(folder: Path | None) -> Iterator[Callable[[EyeState | Event], None]]:
     """A writer of states.csv and events.csv, or of nothing without a folder."""
     if folder is None:
         yield lambda record: None
         return
-    with contextlib.closing(_Writer(folder)) as writer:
-        yield writer
+    with _named(folder):
+        folder.mkdir(parents=True, exist_ok=True)
+        tables = Tables(folder)
+
+    def add(record: EyeState | Event) -> None:
+        with _named(folder):
+            tables.add(record)
+
+    with contextlib.closing(tables):
+        yield add
+
+
+@contextlib.contextmanager
+def _named(folder: Path) -> Iterator[None]:
+    try:
+        yield
+    except OSError as error:
+        raise SourceError(
+            f"tables in {folder} cannot be written: {error.strerror}; make room, or choose another --tables"
+        ) from None

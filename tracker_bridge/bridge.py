@@ -41,6 +41,8 @@ def run(
     start_ns, begun_ns = time.monotonic_ns() if live else info.t_start_ns, time.monotonic_ns()
     ends_ns = [info.t_end_ns, None if seconds is None else start_ns + round(seconds * NS_PER_S)]
     end_ns = min((end for end in ends_ns if end is not None), default=None)
+    # A live sample may say any time: only the clock ends a live stream, or its source does.
+    until_ns = ends_ns[1] if live else end_ns
     wait = not (real_time or live)
     count, t_ns, beat_s = 0, start_ns, -HEARTBEAT_S
 
@@ -67,8 +69,7 @@ def run(
     with contextlib.closing(_items(source)) as items:
         for item in items:
             attend()
-            # A live sample may say any time: only the clock ends a live stream.
-            if stopped() or (end_ns is not None and (time.monotonic_ns() if live else item.t_ns) > end_ns):
+            if stopped() or (until_ns is not None and (time.monotonic_ns() if live else item.t_ns) > until_ns):
                 break
             if real_time and not live:
                 _sleep_until(begun_ns + item.t_ns - start_ns, stopped, attend)

@@ -99,6 +99,15 @@ class Chain:
         """What diameters mean from the next sample on."""
         self._pupil_map = pupil_map
 
+    def use(self, pupil_map: PupilMap) -> None:
+        """Takes diameters for what this map says, from the next item on."""
+        if "px" in {each.unit for each in (self._pupil_map, pupil_map) if each is not None}:
+            # The filters see other millimetres from now on, and would take the change for a lid.
+            for memory in self._eyes.values():
+                memory.filter, memory.lent = DropoutFilter(), None
+            self._differences_mm.clear()
+        self._pupil_map = pupil_map
+
     def step(self, item: Item) -> Iterator[EyeState | Event]:
         """What one more item makes: the state of the moment that it ends, and its events."""
         for record in self._step(item):

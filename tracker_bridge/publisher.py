@@ -34,8 +34,8 @@ MAX_REQUEST_BYTES = 1024
 RETRY_S = 0.002
 """How often a full queue is looked at. Not polled: XPUB says at all times that it can be written to."""
 HEARTBEAT_S = 1.0
-LINGER_MS = 2000
-"""What is queued at the end has so long to leave."""
+LINGER_MS, LIVE_LINGER_MS = 2000, 300
+"""What is queued at the end has so long to leave; what is live is old by then."""
 KEEPALIVE = (
     (zmq.TCP_KEEPALIVE, 1),
     (zmq.TCP_KEEPALIVE_IDLE, 10),
@@ -95,7 +95,7 @@ class Publisher:
             raise
         self._replay_at = replies.getsockopt_string(zmq.LAST_ENDPOINT)
         self._replay_port = int(self._replay_at.rpartition(":")[2])
-        self._topics: dict[zmq.Socket[bytes], set[bytes]] = {self._states: set(), self._events: set()}
+        self._subscribed: dict[zmq.Socket[bytes], int] = {self._states: 0, self._events: 0}
         self._ring = replay.EventRing()
         self._stream = secrets.randbits(53)  # fits a double, for languages that know no other number
         self._heartbeat: Heartbeat | None = None
@@ -113,6 +113,7 @@ class Publisher:
         socket.setsockopt(zmq.LINGER, LINGER_MS)
         if kind == zmq.XPUB:
             socket.setsockopt(zmq.XPUB_NODROP, 1)
+            socket.setsockopt(zmq.XPUB_VERBOSER, 1)  # each reader is told of, not only the first and the last
             socket.setsockopt(zmq.SNDHWM, SEND_QUEUE)
         else:
             socket.setsockopt(zmq.SNDHWM, ANSWER_QUEUE)
@@ -144,16 +145,21 @@ class Publisher:
         """Where lost events are to be had again. Every event says the port."""
         return self._replay_at
 
+    @property
+    def readers(self) -> int:
+        """How many have subscribed to the states, as of the last heartbeat."""
+        return self._subscribed[self._states]
+
     def wait_for_reader(self, stopped: Stopped) -> None:
         """Returns once somebody has subscribed to both sockets, or when `stopped` says so."""
-        self._wait_until(lambda: all(self._topics.values()), stopped)
+        self._wait_until(lambda: all(self._subscribed.values()), stopped)
 
     def wait_until_left(self, stopped: Stopped) -> None:
         """Returns once nobody is subscribed to the states, or when `stopped` says so.
 
         After a stream whose readers were waited for: what they have not read yet is lost when the sockets close.
         """
-        self._wait_until(lambda: not self._topics[self._states], stopped)
+        self._wait_until(lambda: not self._subscribed[self._states], stopped)
 
     def publish_state(self, state: EyeState, *, wait: bool, stopped: Stopped, sent_ns: int | None = None) -> None:
         """Sends a state: to all, once they have room (`wait`), or at once to those that have.
@@ -209,7 +215,7 @@ class Publisher:
 
     def _wait_until(self, condition: Callable[[], bool], stopped: Stopped) -> None:
         poller = zmq.Poller()
-        for socket in self._topics:
+        for socket in self._subscribed:
             poller.register(socket, zmq.POLLIN)
         self._note_readers()
         while not condition() and not stopped():
@@ -219,13 +225,10 @@ class Publisher:
 
     def _note_readers(self) -> None:
         """Takes in who came and went: libzmq would keep it in memory for ever."""
-        for socket, topics in self._topics.items():
+        for socket in self._subscribed:
             while socket.poll(0, zmq.POLLIN):
-                said = socket.recv()
-                if said[:1] == b"\x01":
-                    topics.add(said[1:])
-                elif said[:1] == b"\x00":
-                    topics.discard(said[1:])
+                # 1 or 0, and the topic, of which there is but one.
+                self._subscribed[socket] += {b"\x01": 1, b"\x00": -1}.get(socket.recv()[:1], 0)
 
     def _serve(self, replies: zmq.Socket[bytes], keys: ServerKeys | None) -> None:
         """The other thread: answers until the context ends. Nothing else touches these two sockets."""
@@ -249,10 +252,10 @@ class Publisher:
             if self._door is not None:
                 self._door.close(linger=0)
 
-    def close(self) -> None:
-        """Sends what is queued, for 2 s at most, and closes."""
-        self._states.close()
-        self._events.close()
+    def close(self, linger_ms: int = LINGER_MS) -> None:
+        """Sends what is queued, for so long at most, and closes."""
+        self._states.close(linger_ms)
+        self._events.close(linger_ms)
         self._context.term()
         self._clerk.join()
 

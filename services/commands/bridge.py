@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from services.eye_data import open_eyes
+from services.eye_data import open_eyes, open_live_eyes
 from services.options import BridgeKeysFolder, Child, Pace, Remote, Seconds, Seed, TableMap, UsbId
 from services.process import process
 from tracker_bridge.chain import Lane
@@ -58,6 +58,33 @@ def bridge(
     luminance: Annotated[
         str | None, typer.Option(help="Light before a simulated eye: cd/m², or a CSV file t_s,cd_m2.")
     ] = None,
+    live: Annotated[
+        bool,
+        typer.Option(
+            "--live",
+            help="As a part of a live session: recordings are played by the clock, simulated eyes have no end.",
+        ),
+    ] = False,
+    begun_ns: Annotated[
+        int | None,
+        typer.Option(
+            metavar="NS",
+            help="When the source began, on the monotonic clock, for --live: it goes on where it is by now.",
+        ),
+    ] = None,
+    screens: Annotated[
+        str | None, typer.Option(metavar="ADDRESS", help="Where pupil calibrations ask for their screens, for --live.")
+    ] = None,
+    answers: Annotated[
+        str | None, typer.Option(metavar="ADDRESS", help="Where the display of the screens answers, for --live.")
+    ] = None,
+    sees: Annotated[
+        str | None,
+        typer.Option(metavar="ADDRESS", help="A worker's frames: their light falls into simulated eyes, for --live."),
+    ] = None,
+    reader_keys: Annotated[
+        Path | None, typer.Option(metavar="FOLDER", help="Keys of a reader for --sees, if that worker has any.")
+    ] = None,
     tables: Annotated[Path | None, typer.Option(help="Folder for states.csv and events.csv.")] = None,
     child: Child = False,
 ) -> None:
@@ -67,12 +94,25 @@ def bridge(
     from tracker_bridge import pupil_map as pupil_maps
     from tracker_bridge.sources import TrackerSettings
 
+    _refuse_odd(live, begun_ns, screens, answers, sees, reader_keys)
     with process(child) as (stop, log):
         tracker = TrackerSettings(
             remote=remote, usb_id=usb_id, usb_faults=tuple(usb_fault or ()), record_raw=record_raw
         )
+        session = None
+        if live:
+            eyes = open_live_eyes(source, table_map, seed, luminance, tracker, begun_ns)
+            session = bridges.LiveSettings(
+                screens_address=screens,
+                answers_address=answers,
+                sees_address=sees,
+                reader_keys=None if reader_keys is None else key_files.load_client(reader_keys),
+                goes_on=begun_ns is not None,
+            )
+        else:
+            eyes = open_eyes(source, table_map, seconds, seed, luminance, tracker)
         bridges.run(
-            open_eyes(source, table_map, seconds, seed, luminance, tracker),
+            eyes,
             bridges.BridgeSettings(
                 states_address=states,
                 events_address=events,
@@ -86,7 +126,28 @@ def bridge(
                 seconds=seconds,
                 tables=tables,
                 recording=record,
+                pupil_map_file=pupil_map,
+                live=session,
             ),
             stop,
             log,
         )
+
+
+def _refuse_odd(
+    live: bool,
+    begun_ns: int | None,
+    screens: str | None,
+    answers: str | None,
+    sees: str | None,
+    reader_keys: Path | None,
+) -> None:
+    """What goes with other options alone."""
+    given = {"--begun-ns": begun_ns, "--screens": screens, "--answers": answers, "--sees": sees}
+    for name, value in given.items():
+        if value is not None and not live:
+            raise typer.BadParameter("a live session alone has it: add --live, or leave it out", param_hint=name)
+    if (screens is None) != (answers is None):
+        raise typer.BadParameter("--screens and --answers are of use together alone", param_hint="--screens")
+    if reader_keys is not None and sees is None:
+        raise typer.BadParameter("they are for the worker that --sees names", param_hint="--reader-keys")

@@ -7,7 +7,7 @@ from pathlib import Path
 from services.live.addresses import Addresses
 from services.live.choice import SessionChoice
 from services.options import Pace
-from tracker_bridge.sources import SIMULATED, USB_SIMULATED
+from tracker_bridge.sources import SIMULATED
 
 
 def bridge_arguments(
@@ -17,7 +17,7 @@ def bridge_arguments(
     arguments = ["bridge", "--live", *_source(choice)]
     arguments += ["--states", addresses.states, "--events", addresses.events, "--replay", addresses.replay]
     arguments += ["--control", addresses.bridge, "--screens", addresses.screens, "--answers", addresses.answers]
-    if choice.source.removeprefix(USB_SIMULATED) == SIMULATED:
+    if choice.source == SIMULATED:
         arguments += ["--sees", addresses.frames]
     arguments += _given("--begun-ns", begun_ns)
     arguments += _given("--remote", choice.remote)

@@ -1,10 +1,10 @@
 """The bridge's process, but for its being one: what it leaves behind, and how it ends where it cannot."""
 
+import contextlib
 import csv
 import dataclasses
-import errno
-import io
 import json
+import resource
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
@@ -81,35 +81,35 @@ def test_a_recording_is_as_long_as_what_it_holds_and_what_it_lacks_is_said(run: 
     assert [line["directions_beyond_90_deg_left_out"] for line in said if line["event"] == "recording"] == [1]
 
 
-class Full(io.StringIO):
-    """A file on a disk with room for ten writes more."""
-
-    def __init__(self) -> None:
-        super().__init__()
-        self.room = 10
-
-    def write(self, text: str) -> int:
-        self.room -= 1
-        if self.room < 0:
-            raise OSError(errno.ENOSPC, "No space left on device")
-        return super().write(text)
+@contextlib.contextmanager
+def no_file_over(count: int) -> Iterator[None]:
+    """A disk with little room, as this process sees it."""
+    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (count, hard))
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
 
 
-def test_tables_that_cannot_be_written_are_one_clear_error_and_free_the_tracker(
-    run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_tables_that_cannot_be_written_are_one_clear_error_and_free_the_tracker(run: Run, tmp_path: Path) -> None:
     (tmp_path / "file").touch()
     with pytest.raises(SourceError, match=r"file cannot be written.*--tables"):
         run(Tracker(), tables=tmp_path / "file")
     source = Tracker()
-    with monkeypatch.context() as disk:
-        disk.setattr(Path, "open", lambda *_, **__: Full())
-        with pytest.raises(SourceError, match="No space left on device; make room"):
-            run(source, tables=tmp_path / "tables")
-    assert source.taken > 5
+    with no_file_over(2000), pytest.raises(SourceError, match="File too large; make room"):
+        run(source, tables=tmp_path / "tables")
+    assert 20 < source.taken < 200
     assert not source.is_open
+    assert 5 < len(rows(tmp_path / "tables" / "states.csv")) < 200
 
 
 def test_a_live_tracker_waits_for_no_reader(run: Run) -> None:
     with pytest.raises(SourceError, match="leave --pace out"):
         run(Tracker(live=True), real_time=False, wait_for_reader=True)
+
+
+def test_what_a_light_is_for_is_said(run: Run) -> None:
+    seen = bridge.LiveSettings(sees_address="tcp://127.0.0.1:9")
+    with pytest.raises(SourceError, match="leave --sees out"):
+        run(Tracker(live=True), live=seen)

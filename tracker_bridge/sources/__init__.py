@@ -58,6 +58,8 @@ class TrackerSettings(msgspec.Struct, frozen=True, kw_only=True):
     """VID:PID of the USB tracker; the first one unless given."""
     usb_faults: tuple[str, ...] = ()
     """What goes wrong with a simulated USB tracker; see usb_faults.py."""
+    usb_begun_ns: int | None = None
+    """When a simulated USB tracker was plugged in, on the monotonic clock, if it was before."""
     record_raw: Path | None = None
     """A new file for all that a USB tracker sends."""
 
@@ -135,7 +137,7 @@ def _open_tracker(
         from tracker_bridge.sources.usb_simulated import open_usb_simulated
 
         played = open_source(spec.removeprefix(USB_SIMULATED), table_map=table_map, simulated=simulated)
-        return open_usb_simulated(played, tracker.usb_faults, capture=tracker.record_raw)
+        return open_usb_simulated(played, tracker.usb_faults, capture=tracker.record_raw, begun_ns=tracker.usb_begun_ns)
     if spec.startswith(USB_FILE):
         from tracker_bridge.sources.usb_file import open_usb_file
 

@@ -11,6 +11,7 @@ from collections.abc import Iterator
 
 import msgspec
 
+from tracker_bridge.events import ClockEstimated
 from tracker_bridge.samples import NS_PER_S
 from tracker_bridge.source import Item, Source, SourceInfo, Tick
 
@@ -41,6 +42,7 @@ class Played:
     def samples(self) -> Iterator[Item]:
         """The samples from now on, each when it is due."""
         now_ns = time.monotonic_ns()
+        yield ClockEstimated(now_ns, self._shift_ns, 0.0, 0)
         for sample in self._source.samples():
             due_ns = sample.t_ns + self._shift_ns
             if due_ns < now_ns:

@@ -2,11 +2,12 @@
 
 They are drawn a stretch at a time, each with a seed of its own, which takes 20 ms. At the end of a stretch they blink,
 and behind the lid they look where the next one begins. What eyes and lids do depends on the time since they began
-alone: if they are started anew they go on where they would be. The pupil then starts from the light that it is given.
+alone: if they are started anew they go on where they would be. The pupil starts from the light that is set until then.
 """
 
 from __future__ import annotations
 
+import itertools
 import time
 from collections.abc import Iterator
 
@@ -14,6 +15,7 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
+from tracker_bridge.events import ClockEstimated
 from tracker_bridge.samples import NS_PER_S, GazeSample, PupilSample
 from tracker_bridge.source import Item, SourceInfo, Tick
 from tracker_bridge.sources.played import ticks_until
@@ -43,14 +45,11 @@ class EndlessEyes:
         refuse_schedule(settings)
         self.settings = msgspec.structs.replace(settings, seconds=float(STRETCH_S))
         self._begun_ns = begun_ns
-        self._joined_ns = max(time.monotonic_ns(), begun_ns)
-        """The pupil's time zero."""
-        hippus_seed, noise_seed = live_seeds(settings.seed)
-        self._pupil = LivePupil(self.settings, hippus_seed)
-        self._noise_rng = np.random.default_rng(noise_seed)
-        self._number = (self._joined_ns - begun_ns) // (STRETCH_S * NS_PER_S)
-        # Now rather than at the first sample: what it imports takes seconds.
-        self._first = self._drawn(self._number)
+        self._joined_ns: int | None = None
+        """The pupil's time zero: when samples were first asked for."""
+        self._pupil = self._pupil_in(settings.luminance[0][1])
+        self._noise_rng = np.random.default_rng(live_seeds(settings.seed)[1])
+        self._drawn(0)  # what it imports takes seconds, which samples that are asked for do not have
         self._info = SourceInfo(
             name=f"Simulated eyes {settings.seed}, live",
             t_start_ns=begun_ns,
@@ -65,27 +64,39 @@ class EndlessEyes:
         return self._info
 
     def set_luminance(self, luminance_cd_m2: float, t_ns: int) -> None:
-        """The light before the eyes from a time of this source on, cd/m²; the pupil answers 0.2 s later."""
-        self._pupil.set_luminance((t_ns - self._joined_ns) / NS_PER_S, luminance_cd_m2)
+        """The light before the eyes from a time of this source on, cd/m²; the pupil answers 0.2 s later.
+
+        Before samples are asked for: the light that has been there for ever.
+        """
+        if self._joined_ns is None:
+            self._pupil = self._pupil_in(luminance_cd_m2)
+        else:
+            self._pupil.set_luminance((t_ns - self._joined_ns) / NS_PER_S, luminance_cd_m2)
+
+    def _pupil_in(self, luminance_cd_m2: float) -> LivePupil:
+        lit = msgspec.structs.replace(self.settings, luminance=((0.0, luminance_cd_m2),))
+        return LivePupil(lit, live_seeds(self.settings.seed)[0])
 
     def samples(self) -> Iterator[Item]:
         """Samples as they are measured, from now on."""
         block = max(round(BLOCK_S * self.settings.rate_hz), 1)
-        number, stretch = self._number, self._first
         now_ns = time.monotonic_ns()
-        while True:
+        self._joined_ns = joined_ns = max(now_ns, self._begun_ns)
+        yield ClockEstimated(now_ns, self._begun_ns, 0.0, 0)
+        for number in itertools.count((joined_ns - self._begun_ns) // (STRETCH_S * NS_PER_S)):
+            stretch = self._drawn(number)
             times_ns = stretch.t_ns + (self._begun_ns + number * STRETCH_S * NS_PER_S)
             for start in range(int(np.searchsorted(times_ns, now_ns)), times_ns.size, block):
-                groups = self._live(stretch, slice(start, start + block), times_ns)
+                groups = self._live(stretch, slice(start, start + block), times_ns, joined_ns)
                 for group in groups:
                     yield from ticks_until(group[0].t_ns)
                     yield from group
                 yield Tick(groups[-1][0].t_ns)
-            number += 1
-            stretch = self._drawn(number)
 
-    def _live(self, stretch: Truth, part: slice, times_ns: NDArray[np.int64]) -> list[list[PupilSample | GazeSample]]:
-        diameters_mm = self._pupil.diameters_mm(np.maximum(times_ns[part] - self._joined_ns, 0) / NS_PER_S)
+    def _live(
+        self, stretch: Truth, part: slice, times_ns: NDArray[np.int64], joined_ns: int
+    ) -> list[list[PupilSample | GazeSample]]:
+        diameters_mm = self._pupil.diameters_mm(np.maximum(times_ns[part] - joined_ns, 0) / NS_PER_S)
         measured = measure(
             self._noise_rng,
             slice_of(stretch, part, diameters_mm),

@@ -58,13 +58,15 @@ def open_usb_simulated(
     seed: int = 1,
     capture: Path | None = None,
     timekeeper: Timekeeper | None = None,
+    begun_ns: int | None = None,
 ) -> UsbTracker:
     """A live tracker that plays this recording at its own pace, and ends with it.
 
-    Raises SourceError where the recording is a live source, or a fault cannot be read.
+    `begun_ns`: when it began on the timekeeper's clock, if it did before; it goes on where it is by now. Raises
+    SourceError where the recording is a live source, or a fault cannot be read.
     """
     own_time = timekeeper or MachineTime()
-    backend = TwinBackend(recording, faults, seed=seed, timekeeper=own_time)
+    backend = TwinBackend(recording, faults, seed=seed, timekeeper=own_time, begun_ns=begun_ns)
     notes = (f"There is no device: {recording.info.name} is played as one.", *recording.info.notes)
     return UsbTracker(backend=backend, capture=capture, timekeeper=own_time, is_over=backend.is_over, notes=notes)
 
@@ -84,7 +86,13 @@ class TwinBackend(usb.backend.IBackend):  # type: ignore[misc]  # pyusb has no t
     """
 
     def __init__(
-        self, recording: Source, faults: Sequence[str] = (), *, seed: int = 1, timekeeper: Timekeeper | None = None
+        self,
+        recording: Source,
+        faults: Sequence[str] = (),
+        *,
+        seed: int = 1,
+        timekeeper: Timekeeper | None = None,
+        begun_ns: int | None = None,
     ) -> None:
         if recording.info.live:
             raise SourceError(f"{recording.info.name} is live: a simulated tracker plays recordings, name one")
@@ -95,11 +103,19 @@ class TwinBackend(usb.backend.IBackend):  # type: ignore[misc]  # pyusb has no t
         self._rng = random.Random(seed)
         self._moments = _moments(recording)
         self._next = next(self._moments, None)
-        self._started_ns: int | None = None
+        self._started_ns = begun_ns
         self._plugging = 0
         self.handles: list[_Handle] = []
         """Those that are open."""
         self._power_on()
+        if begun_ns is not None:
+            self._pass_over(self._time.now_ns() - begun_ns)
+
+    def _pass_over(self, elapsed_ns: int) -> None:
+        """What is past was for whoever read it before."""
+        while self._next is not None and self._next[0] < elapsed_ns:
+            self._next = next(self._moments, None)
+        self._pending = [fault for fault in self._pending if fault.start_ns >= elapsed_ns]
 
     def _power_on(self) -> None:
         self._packets: collections.deque[bytes] = collections.deque(_packets(status_report()))

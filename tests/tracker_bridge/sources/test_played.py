@@ -5,6 +5,7 @@ from collections.abc import Iterator
 
 import pytest
 
+from tracker_bridge.events import ClockEstimated
 from tracker_bridge.samples import Eye, GazeSample, PupilSample
 from tracker_bridge.source import Item, SourceInfo, Tick
 from tracker_bridge.sources.played import Played
@@ -26,7 +27,11 @@ class Recorded:
 
 
 def heard(source: Played) -> list[tuple[int, Item]]:
-    return [(time.monotonic_ns(), item) for item in source.samples()]
+    """All items after the first, which says that the clock is this machine's."""
+    clock, *items = [(time.monotonic_ns(), item) for item in source.samples()]
+    assert isinstance(clock[1], ClockEstimated)
+    assert clock[1].uncertainty_ns == 0
+    return items
 
 
 @pytest.fixture(scope="module")
