@@ -231,6 +231,7 @@ class Live:
             calibrated=bridge.calibrated,
             pages=len(self.viewers),
             problems=problems(now),
+            root=host.root if host is not None else None,
         )
 
     def _take_now(self, name: str | None) -> str | None:

@@ -269,11 +269,13 @@ class Status(_Message, frozen=True, tag="status"):
     calibrating: dict[str, Any] | None
     """A pupil calibration that runs: stage, screen, step, steps, seconds_done, seconds."""
     calibrated: dict[str, Any] | None
-    """The result of the last one; see services/live/pupil_calibration.py."""
+    """The result of the last one; see services/live/pupil_calibration.py. Its plot is at `/pupil-maps/` and its name."""
     pages: int
     """Pages that are open."""
     problems: tuple[Problem, ...]
     """The worst first."""
+    root: str | None = None
+    """Folder of all takes; null where it is not known."""
 
 
 class Replied(_Message, frozen=True, tag="reply"):

@@ -29,6 +29,7 @@ from services.console import protocol, requests
 from services.console.actions import Actions, Folders
 from services.console.feed import KEPT_S
 from services.console.fields import fields
+from services.console.listing import PUPIL_MAPS
 from services.console.live import Live, Places
 from services.console.protocol import Fields, Hello, Replied
 from services.console.requests import MAX_REQUEST_BYTES, RequestError
@@ -148,6 +149,7 @@ def app(console: Console, rules: Rules) -> Starlette:
             Route("/health", health),
             WebSocketRoute("/live", live),
             Mount(SCREENS_URL.rstrip("/"), routes=console.screens.routes),
+            Mount("/pupil-maps", StaticFiles(directory=console.folders.observers / PUPIL_MAPS, check_dir=False)),
             Mount("/sessions", _Sessions(directory=console.folders.root, check_dir=False)),
             Mount("/", StaticFiles(directory=PAGE)),
         ],

@@ -48,7 +48,7 @@ export function watchControls(connection, session) {
     const [state, words] = connected ? (busy ? ["waiting", `${busy}…`] : standing(status)) : ["waiting", "Connecting…"];
     byId("now-mark").dataset.state = state;
     setText(byId("now-text"), words);
-    document.body.dataset.live = !connected ? "lost" : !running ? "stopped" : status.preparing ? "preparing" : "live";
+    document.body.dataset.live = !connected ? "lost" : !running ? "stopped" : status.preparing || status.fps === null ? "preparing" : "live";
   }
 
   connection.on("open", (message) => { hello = message; show(); });
@@ -72,6 +72,7 @@ export function watchControls(connection, session) {
 function standing(status) {
   if (!status.running) return ["idle", "Nothing runs. Choose eyes and a scene under Session, then Start."];
   const what = `${status.source ?? "eyes"} before ${status.scene ?? "a scene"}`;
+  if (status.fps === null) return ["waiting", "Starting: eyes and scene are being opened."];
   if (status.preparing) return ["waiting", `Being prepared: ${what}. The first frame takes up to a minute.`];
   if (status.problems.some(({ severity }) => severity === "error")) return ["bad", `Running, but something is wrong: ${what}`];
   const rate = status.reached_fps === null ? "" : `, ${status.reached_fps.toFixed(0)} frames a second`;

@@ -46,7 +46,7 @@ export function watchTraces(connection) {
 
   function paint(at_ms) {
     requestAnimationFrame(paint);
-    if (at_ms - drawn_ms < (calm.matches ? STILL_MS : FRAME_MS) || ahead_s === null || (paused_s !== null && !changed)) return;
+    if (at_ms - drawn_ms < (calm.matches ? STILL_MS : FRAME_MS) || (ahead_s === null && !changed) || (paused_s !== null && !changed)) return;
     drawn_ms = at_ms;
     changed = false;
     const ratio = window.devicePixelRatio || 1;
