@@ -177,7 +177,7 @@ class PupilCalibration:
             "out": self._request.out if ok and self._request is not None else None,
             "plot": outcome.plot,
             "eyes": msgspec.to_builtins(outcome.eyes),
-            "problems": msgspec.to_builtins(outcome.problems),
+            "problems": [msgspec.to_builtins(problem) for problem in outcome.problems],
             "seconds": (now_ns - self._begun_ns) / NS_PER_S,
             "finished_at_ns": now_ns,
         }

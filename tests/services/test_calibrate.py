@@ -1,7 +1,6 @@
 """The routine run on simulated eyes, before displays that behave and displays that do not."""
 
 import itertools
-import threading
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -9,7 +8,7 @@ from pathlib import Path
 import msgspec
 import numpy as np
 import pytest
-import zmq
+from screen_program import ScreenProgram
 
 from services import calibration_result as results
 from services.calibrate import GREY_SHARE, CalibrationRun, Room, follow, items_now
@@ -265,61 +264,26 @@ def test_a_place_where_nothing_can_be_written_is_refused_before_anything_is_show
         results.refuse_unwritable(tmp_path / name)
 
 
-class Program(threading.Thread):
-    """A display program of somebody else's, with a clock of its own, on the two sockets."""
-
-    def __init__(self, display: SocketDisplay, clock_ahead_ns: int, late_ns: int = 10_000_000) -> None:
-        super().__init__(daemon=True)
-        self.said: list[object] = []
-        self._addresses = (display.commands_address, display.answers_address)
-        self._ahead_ns, self._late_ns = clock_ahead_ns, late_ns
-        self.shown_ns: dict[int, int] = {}
-        self.over = threading.Event()
-
-    def run(self) -> None:
-        with zmq.Context() as context, context.socket(zmq.SUB) as commands, context.socket(zmq.PUSH) as answers:
-            commands.subscribe(b"")
-            commands.connect(self._addresses[0])
-            answers.connect(self._addresses[1])
-            answers.send(msgspec.msgpack.encode({"shown": "the wrong type"}))
-            answers.send(b"\xc1 no msgpack")
-            answers.send(msgspec.msgpack.encode({"request": "start"}))
-            while not self.over.is_set():
-                if not commands.poll(20):
-                    continue
-                message = msgspec.msgpack.decode(commands.recv())
-                self.said.append(message)
-                answer = None
-                if "ask" in message:
-                    answer = {"answer": message["ask"], "t_ns": time.monotonic_ns() + self._ahead_ns}
-                elif "screen" in message:
-                    time.sleep(self._late_ns / NS_PER_S)
-                    shown_ns = self.shown_ns.setdefault(message["id"], time.monotonic_ns())
-                    answer = {"shown": message["id"], "t_ns": shown_ns + self._ahead_ns}
-                if answer is not None:
-                    answers.send(msgspec.msgpack.encode(answer))
-
-
 def test_a_program_on_the_sockets_says_on_its_own_clock_when_it_showed_what() -> None:
     display = SocketDisplay("tcp://127.0.0.1:*", "tcp://127.0.0.1:*")
-    program = Program(display, clock_ahead_ns=-3600 * NS_PER_S)
-    program.start()
     try:
-        eyes = eyes_of(paced=True)
-        one = judge(follow(CalibrationRun(QUICK, Room(display, eyes)), items_now(eyes), eyes.info.name))
-        assert one.recorded.stage is Stage.FINISHED
-        assert display.uncertainty_ns is not None
-        for number, screen in enumerate(one.screens, 1):
-            assert abs(screen.t_ns - program.shown_ns[number]) <= display.uncertainty_ns + 1_000_000
-        display.tell("done", again=False)
-        give_up = time.monotonic() + 5
-        while {"message": "done", "again": False} not in program.said:
-            assert time.monotonic() < give_up
-            time.sleep(0.01)
-        assert display.unreadable is not None
+        with ScreenProgram(display.commands_address, display.answers_address) as program:
+            program.say({"shown": "the wrong type"})
+            program.say(b"\xc1 no msgpack")
+            program.say({"request": "start"})
+            eyes = eyes_of(paced=True)
+            one = judge(follow(CalibrationRun(QUICK, Room(display, eyes)), items_now(eyes), eyes.info.name))
+            assert one.recorded.stage is Stage.FINISHED
+            assert display.uncertainty_ns is not None
+            for number, screen in enumerate(one.screens, 1):
+                assert abs(screen.t_ns - program.shown_ns[number]) <= display.uncertainty_ns + 1_000_000
+            display.tell("done", again=False)
+            give_up = time.monotonic() + 5
+            while {"message": "done", "again": False} not in program.said:
+                assert time.monotonic() < give_up
+                time.sleep(0.01)
+            assert display.unreadable is not None
     finally:
-        program.over.set()
-        program.join()
         display.close()
 
 
