@@ -79,7 +79,8 @@ export function watchCalibration(connection) {
   return { open: () => { openTab("calibration"); (begin.disabled ? byId("tab-calibration") : begin).focus(); } };
 }
 
-function outcome({ ok, eyes, problems, plot_url, out }, retry) {
+function outcome({ ok, eyes, problems, plot, out }, retry) {
+  const plot_url = plot && `/pupil-maps/${encodeURIComponent(plot.split("/").at(-1))}`;
   const figure = (value, digits, unit) => (value === null || value === undefined ? "–" : `${value.toFixed(digits)} ${unit}`);
   const row = ([eye, { white, black, span, unit, tracked_share, slope_mm_s }]) => make("tr", {}, make("th", { scope: "row" }, eye),
     ...[figure(white, 2, ""), figure(black, 2, ""), figure(span, 2, unit),

@@ -72,6 +72,7 @@ export function watchControls(connection, session) {
 function standing(status) {
   if (!status.running) return ["idle", "Nothing runs. Choose eyes and a scene under Session, then Start."];
   const what = `${status.source ?? "eyes"} before ${status.scene ?? "a scene"}`;
+  if (status.processes.some(({ state }) => state === "stopped")) return ["waiting", "Ending; what was kept is being made whole."];
   if (status.fps === null) return ["waiting", "Starting: eyes and scene are being opened."];
   if (status.preparing) return ["waiting", `Being prepared: ${what}. The first frame takes up to a minute.`];
   if (status.problems.some(({ severity }) => severity === "error")) return ["bad", `Running, but something is wrong: ${what}`];

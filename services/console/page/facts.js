@@ -12,7 +12,7 @@ export function watchFacts(connection) {
   byId("panel-facts").append(
     files,
     make("dl", { class: "facts" }, ...ROWS.flatMap((name) => [make("dt", {}, name), cells[name]])),
-    make("h3", {}, "From a sample to its light: ", typical), bars, parts);
+    make("h3", {}, "Sample to light: ", typical), bars, parts);
   let told = "";
   connection.on("status", (status) => {
     for (const [name, text] of Object.entries(facts(status))) setText(cells[name], text);
@@ -20,7 +20,7 @@ export function watchFacts(connection) {
     const { latency } = status;
     setText(typical, latency === null ? "–" : `median ${latency.p50_ms.toFixed(0)} ms, 95 % within ${latency.p95_ms.toFixed(0)} ms`);
     histogram(bars, latency);
-    const now = `${status.take} ${status.last_take}`;
+    const now = `${status.take} ${status.finishing} ${status.last_take} ${status.root}`;
     if (now !== told) { told = now; list(files, status); }
   });
 }
@@ -57,10 +57,10 @@ function inParts({ sample_to_state_ms: state, state_to_frame_ms: frame, frame_to
 
 export const inTime = (seconds) => `${Math.floor(seconds / 60)}:${String(Math.floor(seconds % 60)).padStart(2, "0")}`;
 
-function list(files, { take, last_take }) {
+function list(files, { take, finishing, last_take, root }) {
   files.replaceChildren();
-  if (take === null && last_take !== null) {
+  if (take === null && finishing === null && last_take !== null) {
     files.append(make("p", {}, "Last take: ", make("a", { href: `/sessions/${encodeURIComponent(last_take)}/report.html`, target: "_blank", id: "report" }, "report"),
-      ", folder ", make("span", { class: "path", id: "folder" }, last_take)));
+      ", folder ", make("span", { class: "path", id: "folder" }, root === null ? last_take : `${root}/${last_take}`)));
   }
 }
