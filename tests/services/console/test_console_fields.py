@@ -1,0 +1,82 @@
+"""Settings as things to move: all of them, with ranges that hold."""
+
+import msgspec
+import pytest
+
+from services.console.fields import FIRST, SLIDERS, changed, fields
+from services.settings import Settings
+
+NUMBERS = [field for field in fields() if field.kind in ("number", "int")]
+
+
+def leaves(values: dict[str, object], path: str = "") -> dict[str, object]:
+    found = {}
+    for name, value in values.items():
+        where = f"{path}.{name}" if path else name
+        found |= leaves(value, where) if isinstance(value, dict) else {where: value}
+    return found
+
+
+def test_every_setting_is_there_once_with_its_default() -> None:
+    defaults = leaves(msgspec.to_builtins(Settings()))
+    assert {field.path: field.default for field in fields()} == defaults
+    assert len({field.path for field in fields()}) == len(fields())
+
+
+def test_those_of_lui_come_first() -> None:
+    assert tuple(field.path for field in fields()[: len(FIRST)]) == FIRST
+    assert [field.first for field in fields()] == [field.path in FIRST for field in fields()]
+
+
+def test_sentences_come_from_the_records() -> None:
+    by_path = {field.path: field for field in fields()}
+    assert "LUI §5.2.4" in by_path["observer.particles"].help
+    assert by_path["observer.particle_mm"].label == "Particle, mm"
+    assert dict(by_path["glare.level"].options)["veil"].startswith("Light scattered")
+    assert by_path["plan.budget_ms"].optional
+    assert by_path["plan.budget_ms"].low_open
+    assert [value for value, _ in by_path["observer.iris"].options] == ["dark", "brown", "green", "blue"]
+    assert "glare" in dict(by_path["plan.leave_out"].options)
+
+
+@pytest.mark.parametrize("field", NUMBERS, ids=lambda field: field.path)
+def test_ranges_are_those_of_the_settings(field: object) -> None:
+    assert hasattr(field, "path")
+    for value in (field.low, field.high, *(field.slider or ())):
+        if value is not None and not (value == field.low and field.low_open):
+            value = round(value) if field.kind == "int" else value
+            assert leaves(msgspec.to_builtins(changed(Settings(), {field.path: value})))[field.path] == value
+    for value, beyond in ((field.low, -1), (field.high, 1)):
+        if value is not None:
+            with pytest.raises(ValueError, match=field.path):
+                changed(Settings(), {field.path: value + beyond})
+    if field.slider is not None:
+        assert field.low <= field.slider[0] < field.slider[1] <= field.high
+    if field.log:
+        assert (field.slider or (field.low,))[0] > 0
+
+
+def test_every_choice_can_be_made() -> None:
+    for field in fields():
+        if field.kind == "choice" and field.path != "tone.operator":
+            for value, _ in field.options:
+                changed(Settings(), {field.path: value})
+    assert set(SLIDERS) <= {field.path for field in NUMBERS}
+
+
+def test_changes_leave_the_rest_and_wrong_ones_say_why() -> None:
+    old = changed(Settings(), {"observer.living.lids": True, "glare.level": "veil"})
+    new = changed(old, {"observer.age_years": 60})
+    assert new.observer.living.lids
+    assert new.glare.level == "veil"
+    assert changed(new, {"observer.seed": 3}, from_defaults=True).observer.age_years == 30
+    for changes, said in (
+        ({"observer.height": 2}, "no setting 'observer.height'"),
+        ({"observer": {}}, "no setting 'observer'"),
+        ({"observer.iris": "red"}, "observer.iris"),
+        ({"plan.everything": True, "plan.budget_ms": 5.0}, "exclude each other"),
+        ({"tone.operator": "curve"}, "names a file"),
+        ({"observer.age_years": float("nan")}, "observer.age_years"),
+    ):
+        with pytest.raises(ValueError, match=said):
+            changed(Settings(), changes)
