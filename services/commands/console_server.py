@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import os
+import sys
 import time
 from pathlib import Path
 from typing import Annotated
@@ -90,3 +91,7 @@ def console_server(
         if not stop():
             raise ConsoleError("the console's server ended by itself: see the log above")
         log.info("ended")
+        if child:
+            # All is closed; to take the interpreter apart, with all that it has loaded, may take longer than a second.
+            sys.stderr.flush()
+            os._exit(0)
