@@ -67,6 +67,10 @@ class Keeper:
         self._due_s = time.monotonic() + EVERY_S
         self._failed = False
 
+    def hurry(self) -> None:
+        """The next one is due at once: something changed that nobody would tell again."""
+        self._due_s = 0.0
+
     @property
     def due(self) -> bool:
         """Whether it is time for another one."""

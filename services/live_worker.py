@@ -188,6 +188,8 @@ class LiveWorker:
     def _perceive(self, perception: Settings) -> None:
         self._rendering.perception = perception
         self._take.perceive(perception)
+        if self._keeper is not None:
+            self._keeper.hurry()
 
     def _begin(self, wish: BeginTake) -> Reply:
         if self._take.runs:

@@ -43,17 +43,18 @@ def finish(folder: Path) -> dict[str, Any]:
     fps = 1.0
     try:
         moments = Moments(folder / MOMENTS)
-        fps, zero_s, changed, resumed = moments.begun.fps, moments.begun.zero_s, False, False
+        fps, zero_s, resumed = moments.begun.fps, moments.begun.zero_s, False
+        shown = present = moments.begun.perception
         for record in moments:
             match record:
                 case Perceive():
-                    changed = True
+                    present = record.perception
                 case Resumed():
-                    zero_s, resumed = record.zero_s, True
+                    zero_s, present, resumed = record.zero_s, record.perception, True
                 case Moment():
-                    changed_s += [record.t_s - zero_s] if changed else []
+                    changed_s += [record.t_s - zero_s] if present != shown else []
                     restarted_s += [record.t_s - zero_s] if resumed else []
-                    changed = resumed = False
+                    shown, resumed = present, False
                     digest = record.sha256.hex()
         notes += [] if moments.note is None else [moments.note]
     except MomentsError as error:
