@@ -46,10 +46,11 @@ class Picture(msgspec.Struct, frozen=True):
         """(y, x, 3). Raises MessageError where it has not the size that it says."""
         if self.dtype not in DTYPES:
             raise MessageError(f"a picture of {self.dtype}: known are {', '.join(DTYPES)}")
-        values = np.frombuffer(self.pixels, np.dtype(self.dtype).newbyteorder("<"))
-        if min(self.width_px, self.height_px) < 1 or values.size != 3 * self.width_px * self.height_px:
-            raise MessageError(f"a picture of {self.width_px}×{self.height_px} pixels with {values.size} values")
-        return values.reshape(self.height_px, self.width_px, 3)
+        dtype = np.dtype(self.dtype).newbyteorder("<")
+        expected = 3 * self.width_px * self.height_px * dtype.itemsize
+        if min(self.width_px, self.height_px) < 1 or len(self.pixels) != expected:
+            raise MessageError(f"a picture of {self.width_px}×{self.height_px} pixels with {len(self.pixels)} bytes")
+        return np.frombuffer(self.pixels, dtype).reshape(self.height_px, self.width_px, 3)
 
 
 class EyeShown(msgspec.Struct, frozen=True):
