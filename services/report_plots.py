@@ -230,7 +230,7 @@ PLOTS = (
 def _figure(rows: int, height: float) -> tuple[Figure, list[Axes]]:
     # Margins in inches, by hand: finding them takes as long as drawing.
     figure = Figure(figsize=(10, height))
-    figure.subplots_adjust(left=0.08, right=0.82 if rows == 1 else 0.98, top=1 - 0.35 / height, bottom=0.5 / height)
+    figure.subplots_adjust(left=0.1, right=0.82 if rows == 1 else 0.98, top=1 - 0.5 / height, bottom=0.5 / height)
     axes = figure.subplots(rows, 1, sharex=True, squeeze=False)[:, 0]
     for one in axes:
         one.spines[["top", "right"]].set_visible(False)
