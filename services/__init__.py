@@ -12,7 +12,7 @@ control.py     what a running bridge may be asked to have its tracker do
 keys.py        key files for a bridge that is heard beyond this machine
 capture/       the stand-in for Pupil Capture
 calibrate.py   pupils before white and black screens; calibration_display.py asks for them, calibration_page/ shows
-               them in a browser, calibration_plot.py draws the result
+               them in a browser, calibration_result.py judges and writes, calibration_plot.py draws
 detect.py      saccades and blinks of a recording; event_scores.py compares them with labels
 
 render.py      one HDR picture, perceived

@@ -5,6 +5,7 @@ from __future__ import annotations
 import ipaddress
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import msgspec
 import zmq
@@ -47,7 +48,7 @@ class ClientKeys(msgspec.Struct, frozen=True):
     bridge: bytes
     """The bridge's public key."""
 
-    def use(self, socket: zmq.Socket[bytes]) -> None:
+    def use(self, socket: zmq.Socket[Any]) -> None:
         """For a socket that is not connected yet."""
         socket.curve_publickey, socket.curve_secretkey, socket.curve_serverkey = self.public, self.secret, self.bridge
 

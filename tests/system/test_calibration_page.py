@@ -1,10 +1,12 @@
 """The calibration's page in a real browser, driven through the browser's own debugging protocol."""
 
+import asyncio
 import base64
 import contextlib
 import io
 import itertools
 import json
+import socket
 import subprocess
 import threading
 import time
@@ -18,12 +20,17 @@ import chromium
 import matplotlib.image
 import numpy as np
 import pytest
+import uvicorn
+from starlette.applications import Starlette
+from starlette.routing import Mount
 from websockets.exceptions import ConnectionClosed
 from websockets.sync.client import ClientConnection, connect
 
 from services.calibrate import CalibrationRun, Recorded, Room, follow, items_now, simulated_eyes
 from services.calibration_display import READY_WORDS, Request, SocketDisplay
-from services.calibration_page import PageServer
+from services.calibration_page import PageServer, Screens
+from services.live.pupil_calibration import PupilCalibration
+from services.live.requests import CalibratePupils
 from tracker_bridge.calibration import Protocol, Screen, Stage, Statistic, Step
 from tracker_bridge.publisher import PortInUseError
 
@@ -175,6 +182,85 @@ def test_a_page_that_goes_away_pauses_and_comes_back(display: SocketDisplay, bro
     browser.evaluate("document.getElementById('start').click()")
     running.join(GIVE_UP_S)
     assert run.stage is Stage.FINISHED
+
+
+class PrefixedServer:
+    """A console's way: the page below a prefix, of a session that comes and goes, and an operator who may start."""
+
+    def __init__(self) -> None:
+        self.place: tuple[str, str] | None = None
+        self.screens = Screens(lambda: self.place)
+        app = Starlette(routes=[Mount("/screens", routes=self.screens.routes)])
+        self._socket = socket.socket()
+        self._socket.bind(("127.0.0.1", 0))
+        self.url = f"http://127.0.0.1:{self._socket.getsockname()[1]}/screens/"
+        self._server = uvicorn.Server(uvicorn.Config(app, log_level="warning", timeout_graceful_shutdown=1))
+        self._loop = asyncio.new_event_loop()
+        self._thread = threading.Thread(target=self._run, daemon=True)
+        self._thread.start()
+        wait_for(lambda: self._server.started)
+
+    def _run(self) -> None:
+        self._loop.run_until_complete(self._server.serve([self._socket]))
+
+    def start(self) -> bool:
+        return asyncio.run_coroutine_threadsafe(self.screens.start(), self._loop).result(GIVE_UP_S)
+
+    def close(self) -> None:
+        self._server.should_exit = True
+        self._thread.join(GIVE_UP_S)
+        self._socket.close()
+        self._loop.close()
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(chromium.FOUND is None, reason="no Chromium here")
+def test_a_page_below_a_prefix_waits_for_a_session_and_its_operator_starts_it(tmp_path: Path) -> None:
+    server = PrefixedServer()
+    message = "document.getElementById('message')?.textContent"
+    (tmp_path / "out").mkdir()
+    wish = CalibratePupils(str(tmp_path / "out" / "p.toml"), protocol="luidolt", white_s=2.0, black_s=2.0)
+    eyes = simulated_eyes(1, 10.0, paced=True, seconds=120.0)
+    with contextlib.ExitStack() as stack:
+        stack.callback(server.close)
+        browser = Browser(tmp_path / "profile", server.url)
+        stack.callback(browser.close)
+        wait_for(lambda: "No session runs yet" in (browser.evaluate(message) or ""))
+        assert not server.start()
+        calibration = PupilCalibration("tcp://127.0.0.1:*", "tcp://127.0.0.1:*", "eyes", eyes=eyes)
+        over = threading.Event()
+
+        def bridge() -> None:
+            for item in eyes.samples():
+                calibration.step(item)
+                if over.is_set():
+                    break
+
+        server.place = calibration.addresses
+        # It comes by itself: nobody has to reload it.
+        wait_for(lambda: "begun from the console" in (browser.evaluate(message) or ""))
+        start = "document.getElementById('start').disabled"
+        assert browser.evaluate(start) is True
+        assert calibration.begin(wish).done
+        wait_for(lambda: "Press Start when you sit well" in (browser.evaluate(message) or ""))
+        assert browser.evaluate(start) is False
+        thread = threading.Thread(target=bridge, daemon=True)
+        thread.start()
+        assert server.start()
+        for colour in ("black", "white"):
+            wait_for(lambda colour=colour: browser.evaluate("document.body.className") == colour)
+        assert browser.evaluate("document.fullscreenElement === null") is True  # nobody had to touch that window
+        wait_for(lambda: "Working it out" in (browser.evaluate(message) or ""))
+        wait_for(lambda: "Done, thank you" in (browser.evaluate(message) or ""))
+        result = calibration.result()
+        assert result is not None
+        assert result["ok"], result
+        over.set()
+        thread.join(GIVE_UP_S)
+        calibration.close()
+        # A bridge that is gone leaves nobody before a white screen, and a page that waits for the next one.
+        wait_for(lambda: "Nothing is heard" in (browser.evaluate(message) or ""))
+        assert browser.evaluate("document.body.className") == "grey"
 
 
 def test_only_its_own_page_may_connect_and_only_one(server: PageServer) -> None:
