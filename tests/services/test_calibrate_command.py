@@ -14,6 +14,7 @@ from typer.testing import CliRunner
 
 from services.commands import calibrate as commands
 from tracker_bridge import pupil_map
+from tracker_bridge.calibration import CalibrationError
 from tracker_bridge.pupil_map import Use
 
 
@@ -55,6 +56,14 @@ def test_a_failure_is_named_with_its_remedy_and_leaves_nothing(tmp_path: Path, s
     assert "no span, right eye" in text
     assert "turn its brightness up" in text
     assert {path.name for path in tmp_path.iterdir()} == {"my_pupil.failed.png"}
+
+
+def test_keys_are_for_a_program_on_the_sockets(tmp_path: Path) -> None:
+    app = typer.Typer()
+    app.command()(commands.calibrate)
+    refused = CliRunner().invoke(app, ["--out", str(tmp_path / "p.toml"), "--keys", str(tmp_path)]).exception
+    assert isinstance(refused, CalibrationError)
+    assert "--display socket" in str(refused)
 
 
 def test_each_repetition_is_printed_and_one_is_kept(tmp_path: Path, said: Callable[[], str]) -> None:

@@ -11,6 +11,7 @@ import zmq
 from screen_program import ScreenProgram
 
 from services import keys as key_files
+from services.calibration_display import READY_WORDS, SocketDisplay
 from services.live.pupil_calibration import WORKING_OUT, PupilCalibration
 from services.live.requests import CalibratePupils
 from tracker_bridge import pupil_map
@@ -291,3 +292,19 @@ def test_beyond_this_machine_it_takes_keys(tmp_path: Path, eyes: PromptEyes) -> 
     finally:
         calibration.close()
         publisher.close()
+
+
+def test_a_display_of_its_own_context_keeps_its_own_door(tmp_path: Path) -> None:
+    key_files.make_bridge(tmp_path)
+    server = key_files.load_server(tmp_path / "bridge")
+    known = key_files.load_client(key_files.make_client(tmp_path, "display"))
+    display = SocketDisplay(ANY, ANY, keys=server)
+    addresses = display.commands_address, display.answers_address
+    with ScreenProgram(*addresses) as stranger, ScreenProgram(*addresses, keys=known) as program:
+        give_up = time.monotonic() + PATIENCE_S
+        while not display.ready:
+            assert time.monotonic() < give_up
+            time.sleep(0.01)
+        assert program.told(READY_WORDS)
+        assert stranger.said == []
+    display.close()
