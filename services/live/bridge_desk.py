@@ -161,7 +161,7 @@ class BridgeDesk:
             return Reply(False, _unwritten(folder, error))
         self._before = (self._publisher.stalls, self._chain.late_count)
         self._trouble = None
-        self._log.info("take", folder=str(folder))
+        self._log.info("take begun", folder=str(folder))
         return Reply(True, f"all is kept in {folder}")
 
     def _end(self) -> Reply:
@@ -173,7 +173,7 @@ class BridgeDesk:
             self._finish(take, None)
         except (OSError, SourceError) as error:
             self._trouble = _unwritten(take.folder, error)
-            self._log.error("take", error=self._trouble)
+            self._log.error("take failed", error=self._trouble)
             return Reply(False, self._trouble)
         self._log.info("take ended", folder=str(take.folder))
         return Reply(True, f"{take.folder} is whole")
@@ -191,11 +191,13 @@ class BridgeDesk:
             write(take)
         except (OSError, SourceError) as error:
             self._take, self._trouble = None, _unwritten(take.folder, error)
-            self._log.error("take", error=self._trouble)
+            self._log.error("take failed", error=self._trouble)
             with contextlib.suppress(OSError, SourceError):
                 self._finish(take, self._trouble)
 
 
 def _unwritten(folder: Path, error: Exception) -> str:
-    reason = (error.strerror or str(error)) if isinstance(error, OSError) else str(error)
+    if not isinstance(error, OSError):
+        return f"nothing is kept in {folder}: {error}"
+    reason = error.strerror or str(error)
     return f"nothing is kept in {folder}: {reason}. What is there stays whole; make room, then begin a new take"

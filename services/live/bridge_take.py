@@ -11,9 +11,9 @@ from pathlib import Path
 import msgspec
 
 from services.live.tables import STATES, Tables
-from tracker_bridge.events import Event, Heartbeat
+from tracker_bridge.events import Event
 from tracker_bridge.samples import NS_PER_S, EyeState, GazeSample, PupilSample
-from tracker_bridge.source import Item
+from tracker_bridge.source import Item, Tick
 from tracker_bridge.sources.pupil_recorder import PupilRecorder
 
 GAP_S = 0.5
@@ -54,6 +54,7 @@ class BridgeTake:
 
     def __init__(self, folder: Path, start_ns: int) -> None:
         self.folder, self.start_ns = folder, start_ns
+        self._check_ns = 0
         self._states = 0
         self._first_s: float | None = None
         self._last_s: float | None = None
@@ -67,17 +68,18 @@ class BridgeTake:
             raise
 
     def item(self, item: Item) -> None:
-        """What the tracker measured."""
+        """What the tracker measured; once a second of ticks, whether the folder is still there."""
         if isinstance(item, PupilSample | GazeSample):
             self._recorder.add(item)
+        elif isinstance(item, Tick) and item.t_ns >= self._check_ns:
+            self._check_ns = item.t_ns + NS_PER_S
+            self._tables.check()
 
     def record(self, record: EyeState | Event) -> None:
         """What was published."""
         self._tables.add(record)
         if isinstance(record, EyeState):
             self._count((record.t_ns - self.start_ns) / NS_PER_S)
-        elif isinstance(record, Heartbeat):
-            self._tables.check()
 
     def end(self, source: str, stalls: int, late_samples: int, trouble: str | None = None) -> BridgeSummary:
         """Makes all files whole."""

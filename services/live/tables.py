@@ -14,7 +14,7 @@ from pathlib import Path
 import msgspec
 
 from services.appended import Appended
-from tracker_bridge.events import Event, Heartbeat, SaccadeOffset, SaccadeOnset, StreamStarted
+from tracker_bridge.events import Event, SaccadeOffset, SaccadeOnset, StreamStarted
 from tracker_bridge.samples import NS_PER_S, Eye, EyeState
 
 STATES, EVENTS = "states.csv", "events.csv"
@@ -58,12 +58,12 @@ class Tables:
         return file
 
     def add(self, record: EyeState | Event) -> None:
-        """One row more; heartbeats have none."""
+        """One row more."""
         if self._of_stream and isinstance(record, StreamStarted):
             self._start_ns = record.t_ns
         if isinstance(record, EyeState):
             self._states.write(_line(self._state_row(record)))
-        elif not isinstance(record, Heartbeat):
+        else:
             self._events.write(_line(self._event_row(record)))
 
     def check(self) -> None:
