@@ -29,7 +29,7 @@ export function watchControls(connection, session) {
 
   async function recordOrNot() {
     if (record.disabled) return;
-    if (status.take === null) await doing("Beginning to record", "record");
+    if (status.take === null) await doing("Beginning to record", "record", { name: session.takeName() });
     else await doing("Finishing the take", "stop record");
   }
 

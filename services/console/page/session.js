@@ -18,6 +18,7 @@ const TEXTS = {
   usb_fault: ["Faults", "to try what happens: drop, unplug…, with commas"],
   scene_file: ["Scene file", ".hdr, .exr or a folder of them"],
   head: ["Head", "look-around, still, gaze, or a CSV file"],
+  take: ["Name of the take", "letters, digits, - and _; the time unless given"],
 };
 const NUMBERS = {
   seed: ["Which person", 0, null, 1], mean_luminance: ["Mean, cd/m²", 1e-9, 1e9, null], fps: ["Frames a second", 0.1, 1000, null],
@@ -51,8 +52,11 @@ export function sessionForm(connection) {
     select("scene", "Scene", [{ value: "night-street", label: "Street at night" }, { value: FILE, label: "A file or folder" }]),
     text("scene_file"), number("mean_luminance"),
     select("eyes", "Rendered", ["left", "right", "both"].map((value) => ({ value, label: value === "both" ? "both eyes" : `${value} eye` }))),
-    number("fps"), number("width"), number("height"), number("fov"), number("seconds"), text("head"), ...Object.values(known));
+    number("fps"), number("width"), number("height"), number("fov"), number("seconds"), text("head"), text("take"), ...Object.values(known));
   byId("panel-session").append(form, make("h3", {}, "Sessions kept"), sessions);
+
+  fields.take.pattern = "[A-Za-z0-9][A-Za-z0-9_\\-]*";
+  fields.take.maxLength = 64;
 
   function show() {
     const wanted = EYES[fields.kind.value][1];
@@ -78,7 +82,7 @@ export function sessionForm(connection) {
     sessions.replaceChildren(...takes.map(take), ...(takes.length ? [] : [make("li", {}, "None yet.")]));
   }
   connection.on("open", refresh);
-  return { choice: () => choice(fields), refresh, form };
+  return { choice: () => choice(fields), takeName: () => fields.take.value, refresh, form };
 }
 
 const option = ({ value, label }) => make("option", { value }, label || value);
