@@ -38,9 +38,11 @@ class Part:
         self._path, self._first = path, first_frame
         try:
             self._encoder = Encoder(path, path, (width_px, height_px), fps, display, whole=False)
+            begins_s = first_frame / Fraction(fps).limit_denominator(1000)
+            self._encoder.container.metadata["comment"] = f"{_BEGINS}{begins_s}"
+            self._encoder.container.start_encoding()
         except (OSError, ValueError) as error:
             raise self._failed(error) from None
-        self._encoder.container.metadata["comment"] = _BEGINS + str(first_frame / Fraction(fps).limit_denominator(1000))
 
     def write(self, image: UInt8[np.ndarray, "y x 3"] | UInt16[np.ndarray, "y x 3"], frame: int) -> None:
         """Adds a frame by its number, of which there are `fps` a second."""
@@ -130,17 +132,19 @@ def _append(joined: _Joined, path: Path) -> str | None:
         begins_s = _begins_s(part)
         assert source.time_base is not None
         form = (source.codec_context.name, source.codec_context.extradata, source.time_base)
-        if joined.stream is None:
-            joined.stream = joined.container.add_stream_from_template(source)
-            joined.stream.time_base = source.time_base
-            joined.form, joined.begins_s = form, begins_s
-        elif form != joined.form:
+        if joined.stream is not None and form != joined.form:
             return f"{path.name} is of another form than the parts before it and stands alone."
-        offset = round((begins_s - joined.begins_s) / source.time_base)
+        count = 0
         with contextlib.suppress(av.error.InvalidDataError, av.error.EOFError):
             for packet in part.demux(source):
                 if packet.dts is None or packet.pts is None or packet.is_corrupt:
                     continue
+                if joined.stream is None:
+                    joined.stream = joined.container.add_stream_from_template(source)
+                    joined.stream.time_base = source.time_base
+                    joined.form, joined.begins_s = form, begins_s
+                offset = round((begins_s - joined.begins_s) / source.time_base)
+                count += 1
                 packet.pts += offset
                 packet.dts += offset
                 if packet.dts <= joined.last_dts:
@@ -148,7 +152,7 @@ def _append(joined: _Joined, path: Path) -> str | None:
                 joined.last_dts = packet.dts
                 packet.stream = joined.stream
                 joined.container.mux(packet)
-    return None
+    return None if count else f"{path.name} holds no whole frame."
 
 
 def _begins_s(part: InputContainer) -> Fraction:
