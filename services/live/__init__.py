@@ -6,5 +6,7 @@ requests.py   what each of them may be asked to do
 messages.py   what a worker publishes: pictures, plans, and what a game engine needs
 publish.py    its socket: each thing is made while somebody wants it (door.py: who may come in)
 engine.py     from what was perceived to what a game engine needs
+bridge_desk.py  who answers a live bridge's requests; bridge_take.py, tables.py: what it keeps of a take
+scene_light.py  the scene's light, for simulated eyes
 pupil_calibration.py  a calibration in the bridge, between its items; pupil_outcome.py works it out and draws it
 """

@@ -9,9 +9,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tracker_bridge import pupil_map
+from tracker_bridge.chain import Chain
 from tracker_bridge.dropout import DropoutFilter
+from tracker_bridge.events import Event
 from tracker_bridge.pupil_map import EyeMap, MappedWindow, PupilMap, PupilMapError, Use
 from tracker_bridge.samples import Eye, EyeState, OneEyeState, Phase, PupilSample
+from tracker_bridge.source import Tick
 
 WINDOW = MappedWindow("white", 0.0, 4.0, 8.0, 71.25, 0.93, 0.0123)
 
@@ -142,3 +145,20 @@ def test_a_pupil_a_little_wider_than_before_the_black_screen_is_kept() -> None:
     assert phases(6.6) == {Phase.TRACKING}
     assert one.map_state(state(6.6)).right.diameter_mm == 8.0
     assert Phase.TRACKING not in phases(one.mapped_mm(Eye.RIGHT, 6.6))
+
+
+def test_a_map_that_is_found_while_a_stream_runs_is_used_from_the_next_item_on_and_is_no_lid() -> None:
+    chain = Chain(live=True)
+    records: list[EyeState | Event] = []
+    for at in range(800):
+        if at == 400:
+            chain.use(made())
+        t_ns = 10**9 + at * 5_000_000
+        # 4 mm of the tracker's own are 2 mm by the map.
+        for item in (PupilSample(t_ns, Eye.LEFT, 4.0, 1.0, 1.0, diameter_px=60.0), Tick(t_ns)):
+            records += chain.step(item)
+    states = [record for record in records if isinstance(record, EyeState)]
+    assert records == states
+    assert {one.left.phase for one in states[-399:]} == {Phase.TRACKING}
+    assert states[399].left.diameter_mm == pytest.approx(4.0)
+    assert [one.left.diameter_mm for one in states[-399:]] == pytest.approx([2.0] * 399)

@@ -36,31 +36,29 @@ def gazes(items: list[Item]) -> dict[int, tuple[float, float]]:
     return {item.t_ns: (item.azimuth_deg, item.elevation_deg) for item in seen}
 
 
-def test_they_begin_as_the_recorded_ones_and_have_no_end(drawn: SimulatedEyes) -> None:
-    begun_ns = time.monotonic_ns() + 150 * MS
-    eyes = EndlessEyes(DIM, begun_ns)
-    items = until(eyes.samples(), begun_ns + 400 * MS)
-    assert (eyes.info.t_start_ns, eyes.info.t_end_ns, eyes.info.live) == (begun_ns, None, True)
-    seen = gazes(items)
-    assert min(seen) == begun_ns
-
-    assert seen[begun_ns][0] == pytest.approx(float(drawn.truth.azimuth_deg[:, 0].mean()))
-    assert len(pupils(items)) == 80
-    ticks = [item.t_ns for item in items if isinstance(item, Tick)]
-    assert max(np.diff(ticks)) < 100 * MS
+def assert_as_drawn(seen: dict[int, tuple[float, float]], begun_ns: int, drawn: SimulatedEyes) -> None:
+    """Where they look is told by the time since they began, whenever they were started."""
+    at = [(t_ns - begun_ns) // (5 * MS) for t_ns in seen]
+    truth = drawn.truth
+    np.testing.assert_allclose([azimuth for azimuth, _ in seen.values()], truth.azimuth_deg[:, at].mean(axis=0))
 
 
-def test_started_anew_they_look_where_they_would_have_looked() -> None:
+def test_they_are_the_recorded_ones_and_have_no_end(drawn: SimulatedEyes) -> None:
     begun_ns = time.monotonic_ns()
-    first = EndlessEyes(DIM, begun_ns).samples()
-    until(first, begun_ns + 300 * MS)
-    again = EndlessEyes(DIM, begun_ns).samples()
-    after = gazes(until(again, begun_ns + 600 * MS))
-    assert min(after) > begun_ns + 250 * MS
-    seen = gazes(until(first, begun_ns + 800 * MS))
-    both = sorted(set(after) & set(seen))
-    assert len(both) > 30
-    np.testing.assert_allclose([after[t_ns] for t_ns in both], [seen[t_ns] for t_ns in both])
+    eyes = EndlessEyes(DIM, begun_ns)
+    items = until(eyes.samples(), time.monotonic_ns() + 400 * MS)
+    assert (eyes.info.t_start_ns, eyes.info.t_end_ns, eyes.info.live) == (begun_ns, None, True)
+    assert_as_drawn(gazes(items), begun_ns, drawn)
+    assert set(np.diff([sample.t_ns for sample in pupils(items)])) == {5 * MS}
+    assert max(np.diff([item.t_ns for item in items if isinstance(item, PupilSample | Tick)])) <= 100 * MS
+
+
+def test_started_anew_they_look_where_they_would_have_looked(drawn: SimulatedEyes) -> None:
+    begun_ns = time.monotonic_ns() - 7 * NS_PER_S
+    items = until(EndlessEyes(DIM, begun_ns).samples(), time.monotonic_ns() + 300 * MS)
+    seen = gazes(items)
+    assert min(seen) >= begun_ns + 7 * NS_PER_S
+    assert_as_drawn(seen, begun_ns, drawn)
 
 
 def test_between_two_stretches_they_blink_and_the_pupil_goes_on() -> None:
