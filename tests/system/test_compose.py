@@ -32,8 +32,6 @@ from services.process import cache_folder
 ROOT = Path(__file__).parents[2]
 GIVE_UP_S = 150.0
 """A worker compiles first, unless this machine has done so before."""
-STOPS_WITHIN_S = 10.0
-"""Then Docker kills."""
 PORT = re.compile(r"(?<=[:=])(\d{4,5})\b")
 PATH = re.compile(r"(?<![\w/.:])/[a-z][\w./]*")
 
@@ -120,7 +118,8 @@ class Machine:
 
     def stop(self) -> dict[str, int]:
         """SIGTERM to all, as `docker compose down`; their exit statuses."""
-        give_up_s = time.monotonic() + STOPS_WITHIN_S
+        (grace,) = {each["stop_grace_period"] for each in services().values()}
+        give_up_s = time.monotonic() + float(grace.removesuffix("s"))
         for process in self.processes.values():
             process.send_signal(signal.SIGTERM)
         return {name: each.wait(max(give_up_s - time.monotonic(), 0)) for name, each in self.processes.items()}
