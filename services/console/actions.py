@@ -68,7 +68,7 @@ class Actions:
         """Never raises: an error is a reply."""
         try:
             reply = await self._do(request, page)
-        except (ControlError, SettingsError, FrameError, OSError, ValueError) as error:
+        except (ControlError, SettingsError, FrameError, OSError, ValueError, msgspec.ValidationError) as error:
             return Replied(request.id, False, str(error))
         except Refused as refused:
             return Replied(request.id, False, str(refused), refused.data)
@@ -83,8 +83,7 @@ class Actions:
                 self._live.viewers.note()
                 return _done("seen")
             case requests.Start():
-                settings = request.choice.settings or msgspec.to_builtins(self._live.settings)
-                return await self._host(asked.StartSession(replace(request.choice, settings=settings)))
+                return await self._start(request)
             case requests.Stop():
                 return await self._host(asked.StopSession())
             case requests.Record():
@@ -119,6 +118,16 @@ class Actions:
                 return _done(f"{len(found)} {request.what}", found)
             case _:
                 return await self._bridge(_TOLD[type(request)]())
+
+    async def _start(self, request: requests.Start) -> Replied:
+        settings = self._live.settings
+        if request.choice.settings:
+            settings = msgspec.convert(request.choice.settings, Settings)
+        choice = replace(request.choice, settings=msgspec.to_builtins(settings))
+        replied = await self._host(asked.StartSession(choice))
+        if replied.done:
+            self._live.begins(settings)
+        return replied
 
     async def _perceive(
         self, settings: Callable[[Settings], Settings], observer: str | None, request: requests.Request, page: Page

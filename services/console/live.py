@@ -62,6 +62,8 @@ class Live:
         """Its name, and when it was first seen."""
         self._known_session: object = None
         """Whose settings have been taken over."""
+        self._own_begins = False
+        """Whether the next session is one that was started here: its settings are known, and may have changed since."""
         self._loop: asyncio.AbstractEventLoop | None = None
 
     @property
@@ -159,11 +161,20 @@ class Live:
         if said is None and host is not None and host.choice is not None:
             said = host.choice.get("settings")
         self._known_session = session
+        if self._own_begins:
+            self._own_begins = False
+            return
         with contextlib.suppress(msgspec.ValidationError):
             if said:
                 settings = msgspec.convert(said, Settings)
                 if settings != self.settings:
                     self.use(settings, None)
+
+    def begins(self, settings: Settings) -> None:
+        """A session was started here, with these settings."""
+        self._own_begins = True
+        if settings != self.settings:
+            self.use(settings, None)
 
     def use(self, settings: Settings, observer: str | None) -> None:
         """These are in force now; all pages are told."""

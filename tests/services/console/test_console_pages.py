@@ -148,6 +148,7 @@ def test_start_and_record_are_the_hosts(hosted: Served, session: MadeUpSession, 
         assert page.ask("stop record")["done"]
         assert page.ask("stop")["done"]
         assert session.asked[-1] == asked.StopSession()
+        assert "age_years" in page.ask("start", choice={"settings": {"observer": {"age_years": 0}}})["reply"]
         session.refusal = "the scene is not there"
         assert page.ask("start", choice={})["reply"] == "the scene is not there"
     with attached.page() as page:
