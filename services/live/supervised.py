@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable
 from typing import Any, Literal
@@ -88,6 +89,7 @@ class Supervised:
         if code is not None:
             self._gone(code)
         elif self._kill_at_s is not None and time.monotonic() >= self._kill_at_s:
+            self._kill_at_s = math.inf
             self._journal.say("killed", child=self.name, why="it did not stop in time")
             self._child.kill()
         return False

@@ -64,9 +64,9 @@ def test_a_session_end_to_end_and_the_same_again(tmp_path: Path) -> None:
         summaries.append(json.loads((tmp_path / name / "summary.json").read_text()))
     one = tmp_path / "one"
     assert {path.name for path in one.iterdir()} == {
-        ".entoptic", "events.csv", "frames", "key_frames", "perceived.mp4", "plan.csv", "report.html",
-        "scene_luminance.csv",
-        "states.csv", "summary.json",
+        ".entoptic", "bridge.json", "events.csv", "frames", "key_frames", "moments.msgpack", "perceived.mp4",
+        "plan.csv", "report.html", "scene_luminance.csv", "session.json", "settings.toml", "states.csv",
+        "summary.json", "worker.json",
     }  # fmt: skip
     worker = summaries[0]["worker"]
     assert worker["frames"] == 30
@@ -86,6 +86,13 @@ def test_a_session_end_to_end_and_the_same_again(tmp_path: Path) -> None:
     for form in ("perceived.mp4", "frames/000011.png", "states.csv"):
         first, second = (hashlib.sha256((tmp_path / name / form).read_bytes()).digest() for name in ("one", "two"))
         assert first == second
+    # Rendered again from what was kept, without any bridge.
+    again = session("--again", "one", "--out", "again", cwd=tmp_path)
+    assert again.returncode == 0, again.stderr
+    assert "all frames are the same" in again.stderr + again.stdout
+    summary = json.loads((tmp_path / "again" / "summary.json").read_text())
+    assert summary["worker"]["perceived_sha256"] == worker["perceived_sha256"]
+    assert (tmp_path / "again" / "report.html").exists()
     assert children_of(tmp_path) == []
 
 

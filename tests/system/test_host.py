@@ -1,0 +1,165 @@
+"""A host and all its processes: asked, killed, filled up and ended."""
+
+import json
+import os
+import re
+import resource
+import signal
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from live_hosts import LiveHost, alive, frames_of, hears_frames, live_host, ports_are_free, until
+
+from services.live.choice import SessionChoice
+from services.live.requests import Record, StartSession, StopRecord, StopSession
+
+
+@pytest.fixture(scope="module")
+def host(tmp_path_factory: pytest.TempPathFactory) -> Iterator[LiveHost]:
+    with live_host(tmp_path_factory.mktemp("host"), "console", "--port", "0") as one:
+        yield one
+
+
+@pytest.mark.parametrize(
+    ("choice", "said"),
+    [
+        (SessionChoice(source="nowhere/"), "nowhere/ does not exist"),
+        (SessionChoice(scene="nowhere.hdr"), 'scene "nowhere.hdr": no such file'),
+        (SessionChoice(settings={"observer": {"legs": 4}}), "settings: .*legs.*observer"),
+        (SessionChoice(lane="slow"), "no lane 'slow'"),
+        (SessionChoice(pupil_map="no.toml"), "no.toml"),
+        (SessionChoice(head="no.csv"), "no.csv"),
+    ],
+)
+def test_what_cannot_be_started_is_said_in_one_line(host: LiveHost, choice: SessionChoice, said: str) -> None:
+    reply = host.ask(StartSession(choice))
+    assert not reply.done
+    assert reply.reply.count("\n") == 0
+    assert re.search(said, reply.reply)
+    assert set(host.status()["processes"]) == {"web"}
+
+
+@pytest.mark.timeout(900)
+def test_a_session_goes_on_whatever_is_killed_and_its_take_is_whole(host: LiveHost) -> None:
+    assert not host.ask(Record()).done
+    running = host.start()
+    assert not host.ask(StartSession(SessionChoice())).done
+    assert host.ask(Record("first")).done
+    assert not host.ask(Record("second")).done
+    folder = Path(running["root"]) / "first.partial"
+    worker_at = running["addresses"]["frames"]
+    for name in ("bridge", "worker", "web"):
+        until(lambda: (folder / "plan.csv").exists() and frames_of(folder) > 3, "frames are kept")
+        pid = host.pids()[name]
+        os.kill(pid, signal.SIGKILL)
+        host.until(
+            lambda now, name=name: now["processes"][name]["state"] == "running" and now["processes"][name]["restarts"],
+            f"{name} is started anew",
+        )
+        before = frames_of(folder)
+        until(lambda before=before: frames_of(folder) > before + 2, f"frames are kept after {name}")
+        assert hears_frames(worker_at)
+    assert {path.name for path in folder.glob("eyes*")} == {"eyes", "eyes-2"}
+    reply = host.ask(StopRecord())
+    assert reply.done
+    now = host.until(lambda now: now["last_folder"] and not now["finishing"], "the take is finished")
+    finished = Path(now["last_folder"])
+    assert finished == Path(running["root"]) / "first"
+    assert not folder.exists()
+    summary = json.loads((finished / "summary.json").read_text())
+    assert [gap["process"] for gap in summary["gaps"]] == ["bridge", "worker"]
+    assert all(0 < gap["from_s"] < gap["to_s"] and "signal 9" in gap["why"] for gap in summary["gaps"])
+    assert frames_of(finished) == summary["worker"]["frames"] > 9
+    for name in ("report.html", "session.json", "settings.toml", "log.jsonl", "bridge.json", "worker.json"):
+        assert (finished / name).stat().st_size > 0, name
+    logged = {json.loads(line)["process"] for line in (finished / "log.jsonl").read_text().splitlines()}
+    assert logged == {"host", "bridge", "worker", "web"}
+
+
+def test_a_full_disk_ends_the_take_and_not_the_session(host: LiveHost) -> None:
+    if host.status()["state"] != "running":
+        host.start()
+    pid = host.pids()["worker"]
+    soft, hard = resource.prlimit(pid, resource.RLIMIT_FSIZE)
+    resource.prlimit(pid, resource.RLIMIT_FSIZE, (2000, hard))
+    assert host.ask(Record("full")).done
+    now = host.until(lambda now: now["trouble"], "the trouble is said")
+    assert "full" in now["trouble"] or "too large" in now["trouble"].lower()
+    assert now["state"] == "running"
+    assert host.pids()["worker"] == pid
+    assert hears_frames(now["addresses"]["frames"])
+    resource.prlimit(pid, resource.RLIMIT_FSIZE, (soft, hard))
+    assert host.ask(StopRecord()).done
+    now = host.until(lambda now: now["last_folder"] and now["last_folder"].endswith("full"), "it is finished")
+    assert (Path(now["last_folder"]) / "summary.json").exists()
+
+
+def test_status_says_how_it_is(host: LiveHost) -> None:
+    if host.status()["state"] != "running":
+        host.start()
+    host.until(lambda now: now["figures"]["worker"] and now["figures"]["bridge"], "figures are known")
+    told = host.command("status", "--json")
+    (found,) = json.loads(told.stdout)
+    assert found["said"]["choice"]["source"] == "simulated"
+    assert found["said"]["figures"]["worker"]["fps"] == 20.0
+    assert found["said"]["console_url"].startswith("http://127.0.0.1:")
+    assert told.returncode == (1 if found["wrong"] else 0)
+    words = host.command("status").stdout
+    assert "simulated before night-street" in words
+    addresses = found["said"]["addresses"]
+    each = host.command("status", "--json", addresses["bridge"], addresses["worker"])
+    assert [one["silent"] for one in json.loads(each.stdout)] == [None, None]
+    nobody = host.command("status", "tcp://127.0.0.1:1")
+    assert nobody.returncode == 1
+    assert "nobody answers" in nobody.stdout
+
+
+def test_a_stopped_session_leaves_no_process_and_no_port(host: LiveHost) -> None:
+    if host.status()["state"] != "running":
+        host.start()
+    now = host.status()
+    pids = [pid for name, pid in host.pids().items() if name != "web"]
+    assert host.ask(StopSession()).done
+    host.until(lambda now: now["state"] == "idle", "it is stopped")
+    assert not any(alive(pid) for pid in pids)
+    assert ports_are_free(now["addresses"])
+    assert not host.ask(StopSession()).done
+
+
+def test_sigterm_ends_all_within_two_seconds_with_whole_files(host: LiveHost) -> None:
+    now = host.start()
+    assert host.ask(Record("last")).done
+    folder = Path(now["root"]) / "last.partial"
+    until(lambda: (folder / "plan.csv").exists() and frames_of(folder) > 3, "frames are kept")
+    pids = list(host.pids().values())
+    assert host.end(signal.SIGTERM) < 2.5
+    assert not any(alive(pid) for pid in pids)
+    assert ports_are_free(now["addresses"])
+    kept = [path for path in (folder, folder.with_name("last")) if path.exists()]
+    assert len(kept) == 1
+    assert frames_of(kept[0]) > 3
+    assert host.command("status").returncode == 1
+    assert list((host.folder / "state" / "entoptic" / "hosts").iterdir()) == []
+
+
+def test_a_killed_host_leaves_no_process_and_its_take_can_be_finished(tmp_path: Path) -> None:
+    with live_host(tmp_path, "session", "--live", "--width", "90", "--height", "100", "--out", "take") as one:
+        folder = tmp_path / "take.partial"
+        until(lambda: (folder / "plan.csv").exists() and frames_of(folder) > 3, "frames are kept")
+        now, pids = one.status(), list(one.pids().values())
+        refused = one.command("report", str(folder))
+        assert refused.returncode == 1
+        assert "is being recorded now" in refused.stdout + refused.stderr
+        one.end(signal.SIGKILL)
+        until(lambda: not any(alive(pid) for pid in pids), "all processes end with their host", 15.0)
+        assert ports_are_free(now["addresses"])
+        assert frames_of(folder) > 3
+        done = one.command("report", str(folder))
+        assert done.returncode == 0, done.stderr
+        assert not folder.exists()
+        summary = json.loads((tmp_path / "take" / "summary.json").read_text())
+        assert "ended by force" in summary["trouble"]
+        assert (tmp_path / "take" / "report.html").exists()
+        nobody = one.command("status")
+        assert (nobody.returncode, list((tmp_path / "state" / "entoptic" / "hosts").iterdir())) == (1, [])
