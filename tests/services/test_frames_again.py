@@ -1,0 +1,282 @@
+"""Frames that were rendered once are rendered again to the bit, whatever happened in between."""
+
+import contextlib
+import dataclasses
+import json
+import shutil
+import time
+from pathlib import Path
+from typing import Any
+
+import av
+import msgspec
+import numpy as np
+import pytest
+import structlog
+
+from pipeline import FrameError, RenderState, View
+from pipeline.budget import SHIPPED
+from pipeline.optics.living import Kick
+from pipeline.scenes import Head, open_scene
+from services import kept, render_again, takes
+from services.checkpoint import Checkpoint, Job, Keeper
+from services.live.messages import LatencyMs
+from services.moments import Moment, Moments, MomentsError
+from services.options import Save
+from services.rendering import Rendering
+from services.results import Results
+from services.settings import Settings
+from services.tally import Heard
+from services.worker import begin
+from services.worker_take import WorkerTake
+from tracker_bridge.wire import Direction, Eye, EyeState, OneEyeState, Phase
+
+FPS = 20.0
+LEFT_OUT = ["acuity", "night_colour", "rod_noise"]  # each takes seconds to compile
+JOB = Job("night-street", None, View(32, 24, 90.0), FPS, (Eye.LEFT, Eye.RIGHT), "still")
+SAVE = frozenset({Save.VIDEO})
+HEARD = Heard(0, 0, 0, 0, {})
+
+
+def settings(**plan: Any) -> Settings:
+    return msgspec.convert(
+        {"plan": plan | {"leave_out": LEFT_OUT}, "afterimage": {"on": True}, "adaptation": {"bleaching": "rushton"}},
+        Settings,
+    )
+
+
+def state(k: int) -> EyeState:
+    one = OneEyeState(Phase.TRACKING, 3.0 + 0.1 * (k % 4), 3.0, 1.0, 0.9 if k % 5 else 0.3, None)
+    return EyeState(k, k * 10**7, one, one, Direction(k % 7 - 3.0, -1.0, k * 10**7))
+
+
+class Session:
+    """What a live worker does, without its clock."""
+
+    def __init__(self, perception: Settings) -> None:
+        self.rendering = Rendering(open_scene(JOB.scene), JOB.view, JOB.eyes, perception)
+        self.t_s = 0.0
+
+    def frames(self, results: Results, numbers: list[int]) -> None:
+        for frame in numbers:
+            t_s, head = frame / FPS, Head(frame / 3, 1.0, 0.0)
+            kicks = (Kick(3.0, 1.0, 0.01),) if frame % 4 == 0 else ()
+            seen = None if frame % 9 == 8 else state(frame)
+            rendered = self.rendering.render(frame, t_s, t_s - self.t_s, head, seen, kicks)
+            timings = tuple(rendered.perceived.timings)
+            self.rendering.correct(timings)
+            moment = Moment(frame, t_s, t_s - self.t_s, head, seen, kicks, 0, timings)
+            self.t_s = t_s
+            results.add(rendered, moment)
+            results.note(rendered, LatencyMs(1.0, 2.0, 3.0) if frame % 2 else None)
+
+    def checkpoint(self) -> Checkpoint:
+        return Checkpoint(
+            written_ns=time.monotonic_ns(), job=JOB, zero_ns=1, frame=0, t_s=self.t_s, dropped=0, head=Head(),
+            perception=self.rendering.perception, costs=self.rendering.costs, state=self.rendering.kept_memory,
+        )  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def take(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Frames left out, a take that begins in mid-session, other settings in its middle, a crash, and what went on."""
+    root = tmp_path_factory.mktemp("takes")
+    folder = root / "take"
+    folder.mkdir()
+    log = structlog.get_logger()
+    session = Session(settings())
+    with contextlib.ExitStack() as nothing:
+        (root / "before").mkdir()
+        session.frames(
+            nothing.enter_context(Results(root / "before", begin(JOB, session.rendering, live=True), SAVE, parts=True)),
+            [0, 1],
+        )
+    results = Results(folder, begin(JOB, session.rendering, live=True, zero_s=2 / FPS), SAVE, parts=True)
+    session.frames(results, [2, 3, 6])
+    changed = settings(budget_ms=3.0)
+    session.rendering.perception = changed
+    results.perceive(changed)
+    session.frames(results, [7, 8, 9])
+    keeper = Keeper(root / "checkpoint", log)
+    keeper.write(session.checkpoint())
+    session.frames(results, [10, 12])
+    # The worker is killed: nothing is closed, the last record and the last row are torn.
+    for name in ("moments.msgpack", "plan.csv"):
+        with (folder / name).open("ab") as file:
+            file.write(b"\x87\xa2" if name.startswith("m") else b"13,0.5")
+    remembered = keeper.read(JOB)
+    assert remembered is not None
+    anew = Session(remembered.perception)
+    anew.rendering.costs, anew.rendering.memory, anew.t_s = remembered.costs, remembered.state, remembered.t_s
+    with Results(folder, begin(JOB, anew.rendering, live=True, zero_s=2 / FPS), SAVE, parts=True) as results:
+        anew.frames(results, [40, 41, 42])
+    takes.write_summary(results.summary(HEARD, None), folder)
+    return folder
+
+
+def test_a_take_is_rendered_again_to_the_bit(take: Path, tmp_path: Path) -> None:
+    digests = [record.sha256 for record in Moments(take / "moments.msgpack") if isinstance(record, Moment)]
+    assert len(set(digests)) == 11
+    again = render_again.run(take, tmp_path, SAVE, lambda: False, structlog.get_logger())  # type: ignore[arg-type]
+    assert again.first_different is None
+    assert again.summary.frames == 11
+    assert again.summary.dropped_frames == 30
+    assert bytes.fromhex(again.summary.perceived_sha256) == digests[-1]
+
+
+def test_a_frame_that_is_another_is_named(take: Path, tmp_path: Path) -> None:
+    """The order of the eyes' gaze matters to every frame after it."""
+    shutil.copytree(take, tmp_path / "other")
+    moments = Moments(take / "moments.msgpack")
+    records = [moments.begun, *moments]
+    for k, record in enumerate(records):
+        if isinstance(record, Moment) and record.frame == 9:
+            records[k] = msgspec.structs.replace(record, head=Head(30.0, 0.0, 0.0))
+    (tmp_path / "other" / "moments.msgpack").write_bytes(b"".join(kept.encode(record) for record in records))
+    (tmp_path / "new").mkdir()
+    again = render_again.run(tmp_path / "other", tmp_path / "new", frozenset(), lambda: False, structlog.get_logger())  # type: ignore[arg-type]
+    assert again.first_different == 9
+    with pytest.raises(MomentsError, match="name another folder"):
+        render_again.run(take, take, frozenset(), lambda: False, structlog.get_logger())  # type: ignore[arg-type]
+
+
+def test_a_take_is_finished_into_one_film(take: Path, tmp_path: Path) -> None:
+    shutil.copytree(take, tmp_path / "take")
+    done = takes.finish(tmp_path / "take")
+    assert done["film"] == "perceived.mp4"
+    assert done["worker"]["frames"] == 11
+    assert done["settings_changed_s"] == [0.25]
+    assert done["restarted_s"] == [1.9]
+    assert not list((tmp_path / "take").glob("perceived-*"))
+    with av.open(str(tmp_path / "take" / "perceived.mp4")) as film:
+        times = [round(float(frame.pts * frame.time_base) * FPS) for frame in film.decode(video=0)]
+    assert times[0] == 0
+    assert times[-3:] == [38, 39, 40]
+    # Again, and without the last words of anybody: the same figures.
+    (tmp_path / "take" / "worker.json").unlink()
+    anew = takes.finish(tmp_path / "take")
+    assert anew["worker"]["frames"] == 11
+    assert anew["worker"]["perceived_sha256"] == done["worker"]["perceived_sha256"]
+    assert anew["worker"]["heard"] is None
+    assert any("last word is missing" in note for note in anew["folder_notes"])
+
+
+def test_rows_are_whole_and_say_the_latency(take: Path) -> None:
+    header, *rows = (take / "plan.csv").read_text().splitlines()
+    assert [int(row.split(",")[0]) for row in rows] == [2, 3, 6, 7, 8, 9, 10, 12, 40, 41, 42]
+    assert header.endswith("sample_to_state_ms,state_to_frame_ms,frame_to_sink_ms")
+    assert rows[1].endswith("1.00,2.00,3.00")
+    assert rows[0].endswith(",,,")
+
+
+def leaves(value: Any) -> list[Any]:
+    if isinstance(value, tuple):
+        return [leaf for one in value for leaf in leaves(one)]
+    if dataclasses.is_dataclass(value):
+        return [leaf for field in dataclasses.fields(value) for leaf in leaves(getattr(value, field.name))]
+    return [value]
+
+
+def test_what_eyes_remember_comes_back_to_the_bit(take: Path) -> None:
+    living = {"lens": True, "microfluctuations": True, "vitreous": True}
+    few = {"living": living, "gratings": 0, "particles": 20, "cornea_cells": 0}
+    perception = msgspec.convert({"observer": few, "afterimage": {"on": True}}, Settings)
+    session = Session(perception)
+    rendered = session.rendering.render(0, 0.0, 0.0, Head(), state(1), (Kick(5.0, 2.0, 0.0),))
+    rendered = session.rendering.render(1, 0.05, 0.05, Head(), state(2), ())
+    before = dataclasses.replace(rendered.perceived.state, glared=None)
+    after: RenderState = kept.decoder(RenderState).decode(kept.encode(before))
+    assert any(isinstance(one, np.ndarray) for one in leaves(before))
+    assert len(before.retinas) == 2
+    for one, other in zip(leaves(before), leaves(after), strict=True):
+        assert type(one) is type(other) or isinstance(one, float), (one, other)
+        assert np.asarray(one == other).all()
+    assert {name: (choice.level, choice.fade) for name, choice in before.choices.items()} == {
+        name: (choice.level, choice.fade) for name, choice in after.choices.items()
+    }
+
+
+def test_a_checkpoint_of_no_use_is_ignored(tmp_path: Path) -> None:
+    session, path = Session(settings()), tmp_path / "checkpoint"
+    with structlog.testing.capture_logs() as said:
+        keeper = Keeper(path, structlog.get_logger())
+        assert keeper.read(JOB) is None
+        assert said == []
+        keeper.write(session.checkpoint())
+        assert keeper.read(JOB) is not None
+        data = path.read_bytes()
+        assert keeper.read(msgspec.structs.replace(JOB, fps=30.0)) is None
+        for broken in (b"", data[: len(data) // 2], b"\xc1" * 50, b"{}", msgspec.msgpack.encode({"entoptic": 1})):
+            path.write_bytes(broken)
+            assert keeper.read(JOB) is None
+        keeper.write(msgspec.structs.replace(session.checkpoint(), written_ns=2**62))
+        assert keeper.read(JOB) is None
+    assert [one["event"] for one in said] == ["checkpoint ignored"] * 7
+    assert "another scene" in said[0]["why"]
+    assert "before this machine" in said[-1]["why"]
+
+
+def test_moments_that_are_none_are_refused_by_name(take: Path, tmp_path: Path) -> None:
+    path = tmp_path / "moments.msgpack"
+    data = (take / "moments.msgpack").read_bytes()
+    with pytest.raises(MomentsError, match="No such file"):
+        Moments(path)
+    for broken in (b"", b"\x93\x01\x02\x03", b"PK\x03\x04" * 20, data[:40], b"\xc1" + data):
+        path.write_bytes(broken)
+        with pytest.raises(MomentsError, match=r"moments\.msgpack"):
+            list(Moments(path))
+    path.write_bytes(data + data)
+    with pytest.raises(MomentsError, match="two files in one"):
+        list(Moments(path))
+
+
+def test_every_cut_leaves_whole_frames(take: Path, tmp_path: Path) -> None:
+    path = tmp_path / "moments.msgpack"
+    data = (take / "moments.msgpack").read_bytes()
+    whole = Moments(take / "moments.msgpack")
+    count = len(list(whole))
+    assert whole.whole_bytes == len(data)
+    assert whole.note is None
+    for cut in range(1, 400, 7):
+        path.write_bytes(data[:-cut])
+        moments = Moments(path)
+        left = len(list(moments))
+        assert left < count
+        assert (moments.note is None) == (moments.whole_bytes == len(data) - cut)
+
+
+def test_a_take_whose_folder_is_gone_ends_and_says_so(tmp_path: Path) -> None:
+    session = Session(Settings())
+    kept_take = WorkerTake(structlog.get_logger())
+    folder = tmp_path / "take"
+    folder.mkdir()
+    kept_take.begin(str(folder), 0, begin(JOB, session.rendering, live=True), SAVE, HEARD)
+    rendered = session.rendering.render(0, 0.0, 0.0, Head(), None, ())
+    kept_take.add(rendered, Moment(0, 0.0, 0.0, Head(), None, (), 0))
+    kept_take.note(rendered, None)
+    kept_take.check()
+    assert kept_take.runs
+    shutil.rmtree(folder)
+    kept_take.check()
+    assert not kept_take.runs
+    assert kept_take.trouble is not None
+    assert str(folder) in kept_take.trouble
+    assert kept_take.end(HEARD, None) is None
+    with pytest.raises((OSError, FrameError)):
+        kept_take.begin(str(folder), 0, begin(JOB, session.rendering, live=True), SAVE, HEARD)
+    folder.mkdir()
+    kept_take.begin(str(folder), 0, begin(JOB, session.rendering, live=True), SAVE, HEARD)
+    assert kept_take.trouble is None
+    assert kept_take.end(HEARD, 1.0) is not None
+    assert json.loads((folder / "worker.json").read_text())["frames"] == 0
+    assert takes.finish(folder)["film"] is None
+
+
+def test_costs_come_back() -> None:
+    session = Session(settings())
+    session.rendering.correct([*session.rendering.render(0, 0.0, 0.0, Head(), None, ()).perceived.timings])
+    assert session.rendering.costs != SHIPPED
+    checkpoint = session.checkpoint()
+    again: Checkpoint = kept.decoder(Checkpoint).decode(kept.encode(checkpoint))
+    assert (again.costs.pace, again.costs.own) == (checkpoint.costs.pace, checkpoint.costs.own)
+    assert again.costs.ms("glare", "frame", 1.0) == checkpoint.costs.ms("glare", "frame", 1.0)
