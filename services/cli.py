@@ -78,6 +78,7 @@ def _known_errors() -> tuple[type[Exception], ...]:
     from services.keys import KeysError
     from services.live.session_file import SessionFileError
     from services.live.takes import TakeError
+    from services.moments import MomentsError
     from services.reader import ReaderError
     from services.results_folder import ResultsFolderError
     from services.session import SessionError
@@ -91,7 +92,7 @@ def _known_errors() -> tuple[type[Exception], ...]:
     light = (FrameError, OpticsError)
     eyes = (CaptureError, SourceError, CalibrationError, PupilMapError)
     processes = (ReaderError, SessionError, SettingsError, PortInUseError, OpenAddressError, KeysError, ControlError)
-    results = (ResultsFolderError, SessionFileError, TakeError, ConsoleError)
+    results = (MomentsError, ResultsFolderError, SessionFileError, TakeError, ConsoleError)
     return (*light, *eyes, *processes, *results)
 
 
