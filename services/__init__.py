@@ -23,6 +23,8 @@ worker.py      the pipeline process: renders what the bridge publishes
 reader.py      its ear: states; event_feed.py: events, the lost ones too
 results.py     what it leaves behind
 results_folder.py  folders that are written whole or not at all
-session.py     starts both, shows progress, gathers the results
+session.py     starts both for a recording, shows progress, gathers the results; session_again.py does it once more
+live/          sessions by the clock: the host of all processes, and what they say to each other
+status.py      how running sessions are
 report.py      what a person looks at afterwards
 """
