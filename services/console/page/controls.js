@@ -77,5 +77,6 @@ function standing(status) {
   if (status.preparing) return ["waiting", `Being prepared: ${what}. The first frame takes up to a minute.`];
   if (status.problems.some(({ severity }) => severity === "error")) return ["bad", `Running, but something is wrong: ${what}`];
   const rate = status.reached_fps === null ? "" : `, ${status.reached_fps.toFixed(0)} frames a second`;
-  return ["good", `${status.take === null ? "Running" : `Recording into ${status.take}`}: ${what}${rate}`];
+  const well = status.problems.every(({ severity }) => severity === "note");
+  return [well ? "good" : "warn", `${status.take === null ? "Running" : `Recording into ${status.take}`}: ${what}${rate}`];
 }

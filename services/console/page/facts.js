@@ -18,7 +18,7 @@ export function watchFacts(connection) {
     for (const [name, text] of Object.entries(facts(status))) setText(cells[name], text);
     setText(parts, status.latency === null ? "No latency is known: no states, or another machine's clock." : inParts(status.latency));
     const { latency } = status;
-    setText(typical, latency === null ? "–" : `median ${latency.p50_ms.toFixed(0)} ms, 95 % within ${latency.p95_ms.toFixed(0)} ms`);
+    setText(typical, latency === null ? "–" : `median ${latency.p50_ms.toFixed(0)}, 95 % in ${latency.p95_ms.toFixed(0)} ms`);
     histogram(bars, latency);
     const now = `${status.take} ${status.finishing} ${status.last_take} ${status.root}`;
     if (now !== told) { told = now; list(files, status); }
@@ -30,7 +30,7 @@ function facts(status) {
     Source: status.source ?? "–",
     Scene: status.scene === null ? "–" : `${status.scene}${status.preparing ? " (being prepared)" : ""}`,
     Samples: `${known(status.sample_rate_hz, 0, "a second and eye")}, ${status.states_hz.toFixed(0)} states a second`,
-    Clock: status.clock_uncertainty_ms === null ? "uncertainty not known" : `± ${status.clock_uncertainty_ms.toPrecision(2)} ms`,
+    Clock: status.clock_uncertainty_ms === null ? "uncertainty not known" : status.clock_uncertainty_ms === 0 ? "this machine's own, exact" : `± ${status.clock_uncertainty_ms.toPrecision(2)} ms`,
     Frames: status.fps === null ? "–" : `${known(status.reached_fps, 1, "")} of ${status.fps.toFixed(0)} a second`,
     "Left out": `${status.dropped ?? 0} frames, ${status.late_samples} late samples`,
     Processes: `${processes(status.processes)}; ${status.pages} ${status.pages === 1 ? "page" : "pages"} open`,

@@ -4,6 +4,7 @@ import { colours, draw } from "./trace_plot.js";
 import { EYES, TraceStore } from "./trace_store.js";
 
 const BEHIND_S = 0.1;  // so that a state that takes this long to come still appears at the edge and not inside
+const SCREEN_LATE_S = 0.2;  // the status comes twice a second: on average a screen is known this much too late
 const FRAME_MS = 33, STILL_MS = 500;
 const PHASES = {
   tracking: ["tracked", "good"], closing: ["lid closing", "warn"], blink: ["blink", "warn"], opening: ["lid opening", "warn"],
@@ -40,7 +41,7 @@ export function watchTraces(connection) {
   });
   connection.on("status", ({ calibrating, running }) => {
     const screen = calibrating?.screen ?? "none";
-    store.addScreen(now_s() - Math.min(calibrating?.seconds_done ?? 0, 1), screen);
+    store.addScreen(now_s() - SCREEN_LATE_S, screen);
     if (!running && store.newest_s !== null && now_s() - store.newest_s > 2) for (const eye of EYES) nothing(eye);
   });
 
