@@ -11,7 +11,7 @@ scene_light.py  the scene's light, for simulated eyes
 pupil_calibration.py  a calibration in the bridge, between its items; pupil_outcome.py works it out and draws it
 
 host.py       starts, watches and ends the processes; answers the console. attended.py: from a terminal (on_terminal.py)
-live_session.py  bridge and worker of one session; kept_take.py tells them of a take, takes.py makes and finishes its folder
+live_session.py  bridge and worker of one session; kept_take.py tells them of a take, takes.py makes its folder whole
 supervised.py one process through all its lives; children.py one life; supervision.py when another begins
 checked.py    all that a choice names, opened before anything starts; arguments.py: the command lines made of it
 session_file.py  session.json and the copies of inputs

@@ -105,14 +105,14 @@ def test_status_says_how_it_is(host: LiveHost) -> None:
     assert found["said"]["figures"]["worker"]["fps"] == 20.0
     assert found["said"]["console_url"].startswith("http://127.0.0.1:")
     assert told.returncode == (1 if found["wrong"] else 0)
-    words = host.command("status").stdout
+    words = host.command("status").stderr
     assert "simulated before night-street" in words
     addresses = found["said"]["addresses"]
     each = host.command("status", "--json", addresses["bridge"], addresses["worker"])
     assert [one["silent"] for one in json.loads(each.stdout)] == [None, None]
     nobody = host.command("status", "tcp://127.0.0.1:1")
     assert nobody.returncode == 1
-    assert "nobody answers" in nobody.stdout
+    assert "nobody answers" in nobody.stderr
 
 
 def test_a_stopped_session_leaves_no_process_and_no_port(host: LiveHost) -> None:
