@@ -358,3 +358,20 @@ def test_a_study_from_the_page(browser: Browser, tmp_path: Path) -> None:
     expect(popup.value.locator("h1")).to_be_visible()
     assert [said for said in complaints(page) if "WebSocket" not in said] == []
     assert console.close() == 0
+
+
+@pytest.mark.slow
+def test_a_tracker_that_is_not_there_is_said_with_what_to_do(browser: Browser, tmp_path: Path) -> None:
+    console = Console(tmp_path)
+    page = opened(browser, console)
+    page.click("#tab-session")
+    page.select_option("#session-kind", "capture")
+    page.fill("#session-remote", "tcp://127.0.0.1:1")
+    for name in ("width", "height"):
+        page.fill(f"#session-{name}", "120")
+    page.click("#start")
+    problem = page.locator('[data-name="no tracker"]')
+    expect(problem).to_contain_text("plugged in", timeout=120_000)
+    expect(page.locator("#now-mark")).to_have_attribute("data-state", "bad", timeout=120_000)
+    page.close()
+    assert console.close() == 0
