@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from services.calibrate import GREY_SHARE, CalibrationRun, Room, follow, items_now
-from services.calibration_display import NoDisplay
-from services.calibration_result import judge
+from services.calibration.display import NoDisplay
+from services.calibration.result import judge
+from services.calibration.run import GREY_SHARE, CalibrationRun, Room, follow, items_now
 from tracker_bridge.calibration import Protocol, Screen, Statistic, Step, luidolt, robust
 from tracker_bridge.calibration_quality import Analysis
 from tracker_bridge.samples import Eye

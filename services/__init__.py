@@ -6,25 +6,22 @@ options.py     the options that several commands share
 settings.py    what a settings file may hold
 process.py     what all processes do alike: logs, signals, ending with their parent
 eye_data.py    opens the eye data that a command names
+simulated_light.py  the light that simulated eyes answer to
+keys.py        key files for processes that are heard beyond this machine
+control.py     how a running process is asked for something
 
-bridge.py      the bridge process: publishes a source
-control.py     what a running bridge may be asked to have its tracker do
-keys.py        key files for a bridge that is heard beyond this machine
+bridge/        the eyes' process
+worker/        the frames' process; reader.py, event_feed.py: its ear, and any other reader's
+session/       both, by recorded time
+live/          both, by the clock: what they say to each other, and the host that keeps them running
+console/       the web page to run a live session from
+results/       what a session leaves; report/: what a person looks at afterwards
+
 capture/       the stand-in for Pupil Capture
-calibrate.py   pupils before white and black screens; calibration_display.py asks for them, calibration_page/ shows
-               them in a browser, calibration_result.py judges and writes, calibration_plot.py draws
+calibration/   pupils before white and black screens
 detect.py      saccades and blinks of a recording; event_scores.py compares them with labels
-
 render.py      one HDR picture, perceived
+explain/       why a picture looks as it does
 psf/           one person's eye as light: pictures, profiles, sheets, a film
-cost.py        what accuracy costs in time: tables; cost_plots.py draws them
-
-worker.py      the pipeline process: renders what the bridge publishes
-reader.py      its ear: states; event_feed.py: events, the lost ones too
-results.py     what it leaves behind
-results_folder.py  folders that are written whole or not at all
-session.py     starts both for a recording, shows progress, gathers the results; session_again.py does it once more
-live/          sessions by the clock: the host of all processes, and what they say to each other
-status.py      how running sessions are
-report.py      what a person looks at afterwards
+cost/          what accuracy costs in time
 """

@@ -76,12 +76,12 @@ def _known_errors() -> tuple[type[Exception], ...]:
     from services.console.access import ConsoleError
     from services.control import ControlError
     from services.keys import KeysError
-    from services.live.session_file import SessionFileError
     from services.live.takes import TakeError
-    from services.moments import MomentsError
     from services.reader import ReaderError
-    from services.results_folder import ResultsFolderError
-    from services.session import SessionError
+    from services.results.folder import ResultsFolderError
+    from services.results.moments import MomentsError
+    from services.results.session_file import SessionFileError
+    from services.session.offline import SessionError
     from services.settings import SettingsError
     from tracker_bridge.access import OpenAddressError
     from tracker_bridge.calibration import CalibrationError

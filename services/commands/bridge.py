@@ -89,8 +89,8 @@ def bridge(
     child: Child = False,
 ) -> None:
     """Publish a person's eyes: states at sample rate on one socket, events on another."""
-    from services import bridge as bridges
     from services import keys as key_files
+    from services.bridge import process as bridges
     from tracker_bridge import pupil_map as pupil_maps
     from tracker_bridge.sources import TrackerSettings
 

@@ -22,8 +22,8 @@ from services.terminal import console
 from tracker_bridge.sources.pupil_remote import DEFAULT_REMOTE
 
 if TYPE_CHECKING:
-    from services.calibrate import CalibrationRun
-    from services.calibration_result import Attempt
+    from services.calibration.result import Attempt
+    from services.calibration.run import CalibrationRun
     from tracker_bridge.pupil_map import PupilMap
     from tracker_bridge.source import Item
 
@@ -91,10 +91,10 @@ def calibrate(
     ] = 0.05,
 ) -> None:
     """Find out how far a person's pupils close and open, before white and black screens."""
-    from services import calibrate as calibrates
-    from services import calibration_result as results
     from services import keys as key_files
-    from services.calibration_display import Display, NoDisplay, SocketDisplay
+    from services.calibration import result as results
+    from services.calibration import run as calibrates
+    from services.calibration.display import Display, NoDisplay, SocketDisplay
     from tracker_bridge.calibration import CalibrationError
     from tracker_bridge.source import Source
     from tracker_bridge.sources import SIMULATED, TrackerSettings
@@ -132,7 +132,7 @@ def calibrate(
             screens = SocketDisplay(commands, answers, name, keys=server_keys)
             stack.callback(screens.close)
             if display is DisplayKind.BROWSER:
-                from services.calibration_page import LOOPBACK, PageServer
+                from services.calibration.page import LOOPBACK, PageServer
 
                 server = PageServer(screens.commands_address, screens.answers_address, host, port)
                 stack.callback(server.close)

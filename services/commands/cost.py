@@ -49,8 +49,8 @@ def every_effect(
         return
     from pipeline.budget import device_name
     from pipeline.cost import everything as measured
-    from services import cost_everything as results
-    from services.results_folder import results_folder
+    from services.cost import everything as results
+    from services.results.folder import results_folder
 
     effort = measured.QUICK if quick else measured.FULL
     count = effort.rounds if rounds is None else rounds
@@ -91,8 +91,8 @@ def glare(
     """Measure error and time of glare at each of its settings. Takes ten minutes; let the machine rest meanwhile."""
     prepare_jax()
     from pipeline.cost import glare as measured
-    from services import cost as results
-    from services.results_folder import results_folder
+    from services.cost import glare as results
+    from services.results.folder import results_folder
 
     effort = measured.QUICK if quick else measured.FULL
     count = effort.rounds if rounds is None else rounds

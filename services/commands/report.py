@@ -17,8 +17,7 @@ def report(
 ) -> None:
     """Finish a session that was cut off, and draw its report; also that of a finished one anew."""
     prepare_jax(renders=False)
-    from services import status
-    from services.live import takes
+    from services.live import status, takes
 
     if (host := status.host_that_writes(folder)) is not None:
         raise takes.TakeError(f"{folder} is being recorded now, by process {host}: stop that first")

@@ -91,12 +91,12 @@ def session(
     Without --live every frame of a recording is rendered, however long it takes; the same session gives the same
     frames. With --live all runs by the clock until Ctrl-C, or until the recording is over.
     """
-    from services.session import SessionError
+    from services.session.offline import SessionError
 
     stop = Stop().on_signals()
     final = out or Path("sessions") / f"{datetime.now():%Y-%m-%d_%H-%M-%S}"
     if again is not None:
-        from services import session_again
+        from services.session import again as session_again
 
         session_again.run(again, final, save, stop, console)
         _say_where(final)
@@ -148,7 +148,7 @@ def session(
 
         web = Web(host, port, token) if page else None
         raise typer.Exit(attended.session(checked, final, web, stop, console))
-    from services import session as sessions
+    from services.session import offline as sessions
 
     outcome = sessions.keep(checked, final, stop, console)
     console.print(f"{outcome.worker.get('frames', 0)} frames perceived, {outcome.bridge.get('states', 0)} eye states")

@@ -14,7 +14,7 @@ from services.options import ClientKeysFolder
 from services.terminal import console
 
 if TYPE_CHECKING:
-    from services.status import Found
+    from services.live.status import Found
 
 
 def status(
@@ -30,7 +30,7 @@ def status(
 ) -> None:
     """Say how running sessions or processes are; exit status 0 if all is well, 1 if something is wrong."""
     from services import keys as key_files
-    from services import status as statuses
+    from services.live import status as statuses
 
     client = None if keys is None else key_files.load_client(keys)
     found = [statuses.process(address, client) for address in addresses] if addresses else statuses.hosts()

@@ -84,7 +84,7 @@ def worker(
     with process(child) as (stop, log):
         prepare_jax()
         if again is not None:
-            from services import render_again
+            from services.worker import again as render_again
 
             assert out is not None
             out.mkdir(parents=True, exist_ok=True)
@@ -97,11 +97,11 @@ def worker(
         from pipeline.scenes import open_scene
         from pipeline.scenes.head_path import open_head_path
         from services import keys as key_files
-        from services import worker as workers
-        from services.checkpoint import Job
         from services.reader import StateReader
-        from services.rendering import Rendering
         from services.settings import load, planned
+        from services.worker import offline as workers
+        from services.worker.checkpoint import Job
+        from services.worker.rendering import Rendering
         from tracker_bridge.wire import Eye
 
         perception = planned(load(settings), budget_ms, everything, without)
@@ -119,7 +119,7 @@ def worker(
         )
         try:
             if live:
-                from services import live_worker
+                from services.worker import live as live_worker
 
                 how = live_worker.LiveSettings(job, frozenset(save), out, seconds, resume, hosted=control is not None)
                 server = None if server_keys is None else key_files.load_server(server_keys)

@@ -13,7 +13,7 @@ import msgspec
 from msgspec.structs import replace
 
 from pipeline import FrameError
-from services.calibration_page import Screens
+from services.calibration.page import Screens
 from services.console import listing, requests
 from services.console.fields import changed
 from services.console.live import Live

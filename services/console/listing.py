@@ -10,8 +10,8 @@ from urllib.parse import quote
 
 from pipeline.scenes import NIGHT_STREET
 from services.console.protocol import Listed
-from services.live import session_file
 from services.live.takes import PARTIAL
+from services.results import session_file
 from services.settings import Settings, load
 
 SESSIONS = "sessions"

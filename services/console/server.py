@@ -24,7 +24,7 @@ from starlette.staticfiles import StaticFiles
 from starlette.websockets import WebSocket, WebSocketDisconnect
 from uvicorn.protocols.websockets.websockets_sansio_impl import WebSocketsSansIOProtocol
 
-from services.calibration_page import Screens
+from services.calibration.page import Screens
 from services.console import protocol, requests
 from services.console.actions import Actions, Folders
 from services.console.feed import KEPT_S
@@ -35,7 +35,7 @@ from services.console.protocol import Fields, Hello, Replied
 from services.console.requests import MAX_REQUEST_BYTES, RequestError
 from services.console.security import Door, Rules
 from services.console.viewers import Page
-from services.live import session_file
+from services.results import session_file
 from tracker_bridge.publisher import PortInUseError
 
 PAGE = Path(__file__).parent / "page"

@@ -20,7 +20,7 @@ from services.live.takes import PARTIAL
 from services.live.watching import Watching
 from services.live.web import Web
 from services.process import Stop
-from services.results_folder import refuse_foreign
+from services.results.folder import refuse_foreign
 
 INTERRUPTED = 130
 

@@ -21,7 +21,7 @@ import msgspec
 import zmq
 
 from services.control import Control, Reply
-from services.live import registry, session_file, takes
+from services.live import registry, takes
 from services.live.checked import Checked, check
 from services.live.choice import SessionChoice
 from services.live.journal import Journal
@@ -30,6 +30,7 @@ from services.live.requests import GiveStatus, HostRequest, Record, StartSession
 from services.live.supervised import Supervised
 from services.live.web import Web
 from services.process import Stop
+from services.results import session_file
 
 TURN_MS: Final = 20
 CHECK_ANSWERS_WITHIN_S: Final = 1.2

@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from services.control import Reply
-from services.live import session_file, takes
+from services.live import takes
 from services.live.addresses import free_addresses
 from services.live.arguments import bridge_arguments, worker_arguments
 from services.live.asking import Asked, Context
@@ -25,7 +25,8 @@ from services.live.requests import GiveStatus
 from services.live.supervised import Supervised
 from services.live.supervision import Gap
 from services.psf import observer_file
-from services.results_folder import ResultsFolderError, refuse_foreign
+from services.results import session_file
+from services.results.folder import ResultsFolderError, refuse_foreign
 from tracker_bridge.sources import SIMULATED
 
 STATUS_EVERY_S: Final = 0.5

@@ -36,7 +36,7 @@ class StopCalibration(_Request, frozen=True, tag="stop calibration"):
 
 
 class CalibratePupils(_Request, frozen=True, tag="calibrate pupils"):
-    """White and black screens on the display that follows the bridge's screens (services/calibration_display.py)."""
+    """White and black screens on the display that follows the bridge's screens (services/calibration/display.py)."""
 
     out: str
     """The pupil map to write, a .toml file in a folder that is there; from then on the bridge uses it."""

@@ -16,12 +16,12 @@ from typing import Any, Final
 
 import msgspec
 
-from services.live import session_file
 from services.live.checked import Checked
 from services.live.supervision import Gap
 from services.psf import observer_file
-from services.results_folder import ResultsFolderError, keep, refuse_foreign
-from services.takes import finish as finish_frames
+from services.results import session_file
+from services.results.finish import finish as finish_frames
+from services.results.folder import ResultsFolderError, keep, refuse_foreign
 
 PARTIAL: Final = ".partial"
 SUMMARY: Final = "summary.json"
@@ -144,7 +144,7 @@ def finish(folder: Path) -> Finished:
 
 
 def told(session: session_file.SessionFile, notes: HostNotes, done: dict[str, Any]) -> dict[str, Any]:
-    """All of a summary, live or not; `done` is what services.takes.finish says."""
+    """All of a summary, live or not; `done` is what services.results.finish.finish says."""
     choice = session.choice
     return {
         "recording": session.source,
@@ -187,12 +187,12 @@ def _free(root: Path, name: str) -> str:
 
 def prepare_report() -> None:
     """Loads what draws reports, which takes a second that nobody has when a session ends."""
-    import services.report  # noqa: F401
+    import services.report.page  # noqa: F401
 
 
 def draw_report(folder: Path) -> str | None:
     """Draws the report of a finished take; what went wrong, for a person."""
-    from services import report
+    from services.report import page as report
 
     try:
         report.write(folder)

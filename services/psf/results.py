@@ -19,7 +19,7 @@ from services.psf import film, layout, plots, profile
 from services.psf.picture import SCALE, Scale, displayed, radiance
 from services.psf.sheets import SHEETS
 from services.psf.subject import Subject
-from services.results_folder import results_folder
+from services.results.folder import results_folder
 
 
 @dataclasses.dataclass(frozen=True)

@@ -12,7 +12,7 @@ import pytest
 from hard_frames import EYE, FOV_DEG, SMALL, grey, see, textured
 
 from pipeline import Frame, Looking, Perceived, RenderState, View, perceive
-from services.worker import looking_of
+from services.worker.rendering import looking_of
 from tracker_bridge.chain import records_of
 from tracker_bridge.samples import Eye, EyeState, GazeSample, Phase, PupilSample
 from tracker_bridge.source import Item

@@ -11,8 +11,8 @@ from pathlib import Path
 import pytest
 import structlog
 
-from services import bridge
-from services.bridge import BridgeSettings
+from services.bridge import process as bridge
+from services.bridge.process import BridgeSettings
 from services.process import Stop
 from tracker_bridge.chain import Lane
 from tracker_bridge.samples import Eye, GazeSample, PupilSample

@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 from screen_program import ScreenProgram
 
-from services import calibration_result as results
-from services.calibrate import GREY_SHARE, CalibrationRun, Room, follow, items_now
-from services.calibration_display import Answer, NoDisplay, Request, SocketDisplay
-from services.calibration_result import Attempt, judge
+from services.calibration import result as results
+from services.calibration.display import Answer, NoDisplay, Request, SocketDisplay
+from services.calibration.result import Attempt, judge
+from services.calibration.run import GREY_SHARE, CalibrationRun, Room, follow, items_now
 from tracker_bridge import pupil_map
 from tracker_bridge.calibration import Protocol, Screen, ShowScreen, Stage, Statistic, Step, luidolt, robust
 from tracker_bridge.calibration_quality import Failure

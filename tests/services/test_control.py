@@ -10,6 +10,7 @@ import zmq
 from hypothesis import given
 from hypothesis import strategies as st
 
+from services.bridge.tracker_tasks import told
 from services.control import Control, ControlError, Reply, tell
 from services.live.requests import (
     StartCalibration,
@@ -18,7 +19,6 @@ from services.live.requests import (
     StopRecording,
     TrackerRequest,
 )
-from services.tracker_tasks import told
 from tracker_bridge.access import OpenAddressError
 from tracker_bridge.publisher import PortInUseError
 from tracker_bridge.source import SourceError

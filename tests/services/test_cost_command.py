@@ -18,9 +18,10 @@ from pipeline.cost.comparison import Row
 from pipeline.cost.errors import Errors
 from pipeline.cost.sun_corner import SunCorner
 from pipeline.cost.timing import Times
-from services import cost, cost_plots
 from services.commands.cost import cost as command
-from services.results_folder import LIST
+from services.cost import glare as cost
+from services.cost import glare_plots as cost_plots
+from services.results.folder import LIST
 
 NOTES = glare.notes(glare.QUICK)
 SCENES = ("night street",)

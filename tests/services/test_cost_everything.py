@@ -20,9 +20,10 @@ from pipeline.cost.timing import Times
 from pipeline.cost.ways import EFFECTS, Row, Stage
 from pipeline.cost.whole_frame import ALWAYS, COMBINATIONS, GLARES, Whole
 from pipeline.frame import Encoding
-from services import cost_everything, cost_everything_plots
 from services.commands.cost import cost as command
-from services.results_folder import LIST
+from services.cost import everything as cost_everything
+from services.cost import everything_plots as cost_everything_plots
+from services.results.folder import LIST
 
 SMALL, LARGE = (24, 26), (48, 52)
 SCENES = ("moonlight", "bright room")

@@ -18,17 +18,19 @@ from pipeline import FrameError, RenderState, View
 from pipeline.budget import SHIPPED
 from pipeline.optics.living import Kick
 from pipeline.scenes import Head, open_scene
-from services import kept, render_again, takes
-from services.checkpoint import Checkpoint, Job, Keeper
 from services.live.messages import LatencyMs
-from services.moments import Moment, Moments, MomentsError
 from services.options import Save
-from services.rendering import Rendering
-from services.results import Results
+from services.results import finish as takes
+from services.results import kept
+from services.results.frames import Results
+from services.results.moments import Moment, Moments, MomentsError
+from services.results.tally import Heard
 from services.settings import Settings
-from services.tally import Heard
-from services.worker import begin
-from services.worker_take import WorkerTake
+from services.worker import again as render_again
+from services.worker.checkpoint import Checkpoint, Job, Keeper
+from services.worker.offline import begin
+from services.worker.rendering import Rendering
+from services.worker.take import WorkerTake
 from tracker_bridge.wire import Direction, Eye, EyeState, OneEyeState, Phase
 
 FPS = 20.0

@@ -15,11 +15,11 @@ from pipeline import Frame, Glare, GlareLevel, GlareModel, Looking, Perceived, P
 from pipeline.effects.glare.kernel import Mixture, component
 from pipeline.sinks.images import write_exr
 from services.live import messages
-from services.live.engine import LEAST_STEP, Held, KernelNumbers, engine_frame, engine_kernel
 from services.live.messages import EngineFrame, EngineKernel, EyeShown, LatencyMs, MessageError, Picture, Shown, decode
-from services.live.publish import LivePublisher
-from services.rendering import Rendered
 from services.settings import Settings
+from services.worker.engine import LEAST_STEP, Held, KernelNumbers, engine_frame, engine_kernel
+from services.worker.publish import LivePublisher
+from services.worker.rendering import Rendered
 from tracker_bridge.wire import Eye
 
 EXAMPLE = Path(__file__).parents[2] / "examples" / "engine_consumer.py"

@@ -12,11 +12,12 @@ import zmq
 
 from pipeline import Frame, Glare, GlareLevel, GlareModel, Looking, Planning, as_displayed, perceive
 from services import keys
-from services.live import messages, publish
+from services.live import messages
 from services.live.messages import EngineFrame, EngineKernel, LatencyMs, MessageError, Picture, Shown, decode
-from services.live.publish import QUEUE, LivePublisher
-from services.rendering import Rendered
 from services.settings import Settings
+from services.worker import publish
+from services.worker.publish import QUEUE, LivePublisher
+from services.worker.rendering import Rendered
 from tracker_bridge.access import ClientKeys, OpenAddressError
 from tracker_bridge.publisher import PortInUseError
 from tracker_bridge.wire import Eye, EyeState, OneEyeState, Phase

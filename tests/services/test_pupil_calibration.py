@@ -11,8 +11,8 @@ import zmq
 from screen_program import ScreenProgram
 
 from services import keys as key_files
-from services.calibration_display import READY_WORDS, SocketDisplay
-from services.live.pupil_calibration import WORKING_OUT, PupilCalibration
+from services.bridge.pupil_calibration import WORKING_OUT, PupilCalibration
+from services.calibration.display import READY_WORDS, SocketDisplay
 from services.live.requests import CalibratePupils
 from tracker_bridge import pupil_map
 from tracker_bridge.access import OpenAddressError

@@ -9,7 +9,7 @@ from bridges import MS, PATIENCE_S, Bridge, LossyBridge, never, started_reader, 
 
 from services import event_feed
 from services.reader import BridgeSilentError, StateReader
-from services.worker import kicks_of, looking_of
+from services.worker.rendering import kicks_of, looking_of
 from tracker_bridge import bridge as eye_side
 from tracker_bridge import replay, wire
 from tracker_bridge.chain import Chain, Lane, records_of

@@ -1,4 +1,4 @@
-from services.report_plots import NOT_TRACKING
+from services.report.plots import NOT_TRACKING
 from tracker_bridge.wire import Phase
 
 

@@ -2,7 +2,7 @@ from pathlib import Path
 
 import pytest
 
-from services.results_folder import ResultsFolderError, results_folder
+from services.results.folder import ResultsFolderError, results_folder
 
 
 def files(folder: Path) -> dict[str, str]:

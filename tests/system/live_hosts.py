@@ -20,8 +20,8 @@ from services.control import ControlError, Reply, ask
 from services.live.choice import SessionChoice
 from services.live.registry import RunningHost
 from services.live.requests import GiveStatus, StartSession
-from services.moments import FILE as MOMENTS
-from services.moments import Moment, Moments
+from services.results.moments import FILE as MOMENTS
+from services.results.moments import Moment, Moments
 from tracker_bridge.sources.recording import open_recording
 
 SMALL = {"width": 90, "height": 100, "fps": 20.0}

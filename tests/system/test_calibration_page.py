@@ -26,10 +26,10 @@ from starlette.routing import Mount
 from websockets.exceptions import ConnectionClosed
 from websockets.sync.client import ClientConnection, connect
 
-from services.calibrate import CalibrationRun, Recorded, Room, follow, items_now, simulated_eyes
-from services.calibration_display import READY_WORDS, Request, SocketDisplay
-from services.calibration_page import PageServer, Screens
-from services.live.pupil_calibration import PupilCalibration
+from services.bridge.pupil_calibration import PupilCalibration
+from services.calibration.display import READY_WORDS, Request, SocketDisplay
+from services.calibration.page import PageServer, Screens
+from services.calibration.run import CalibrationRun, Recorded, Room, follow, items_now, simulated_eyes
 from services.live.requests import CalibratePupils
 from tracker_bridge.calibration import Protocol, Screen, Stage, Statistic, Step
 from tracker_bridge.publisher import PortInUseError

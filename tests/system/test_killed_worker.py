@@ -9,12 +9,12 @@ from pathlib import Path
 
 import pytest
 
-from services import takes
 from services.control import ControlError, Reply, ask
 from services.live.addresses import free_addresses
 from services.live.requests import BeginTake, EndTake, GiveStatus
 from services.options import Save
-from services.render_again import run as render_again
+from services.results import finish as takes
+from services.worker.again import run as render_again
 
 PATIENCE_S = 180.0
 

@@ -1,0 +1,203 @@
+"""Who attends to a live bridge's people and folders: answers requests, keeps takes, calibrates pupils, lights eyes."""
+
+from __future__ import annotations
+
+import collections
+import contextlib
+import itertools
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import structlog
+
+from services.bridge.pupil_calibration import PupilCalibration
+from services.bridge.scene_light import SceneLight
+from services.bridge.take import BridgeTake
+from services.bridge.tracker_tasks import told
+from services.control import Reply
+from services.live.requests import (
+    BeginTake,
+    BridgeRequest,
+    CalibratePupils,
+    EndTake,
+    GiveStatus,
+    StopCalibratingPupils,
+)
+from tracker_bridge.chain import Chain
+from tracker_bridge.events import Event, SourceBack, SourceSilent
+from tracker_bridge.publisher import Publisher
+from tracker_bridge.samples import EyeState
+from tracker_bridge.source import Item, Source, SourceError, Tick
+from tracker_bridge.sources.simulated_endless import EndlessEyes
+
+RATE_S = 2.0
+"""The rate of states is that of so long."""
+FASTEST_HZ = 2000
+
+
+class BridgeDesk:
+    """Give it each item, each record, and each request; all methods are for the bridge's thread."""
+
+    def __init__(
+        self,
+        source: Source,
+        chain: Chain,
+        publisher: Publisher,
+        log: structlog.typing.FilteringBoundLogger,
+        *,
+        in_session: bool,
+        pupil_map: Path | None = None,
+    ) -> None:
+        """`in_session`: it is a part of a live session, which alone has takes. `pupil_map`: what is in use."""
+        self._source, self._chain, self._publisher, self._log = source, chain, publisher, log
+        self._in_session = in_session
+        self._eyes = source if isinstance(source, EndlessEyes) else None
+        self._pupil_map = pupil_map
+        self.calibration: PupilCalibration | None = None
+        self.light: SceneLight | None = None
+        self._take: BridgeTake | None = None
+        self._before = (0, 0)
+        """Stalls and late samples when the take began."""
+        self._trouble: str | None = None
+        self._silent: str | None = None
+        self._newest: EyeState | None = None
+        self._states = 0
+        self._published_s: collections.deque[float] = collections.deque(maxlen=round(RATE_S * FASTEST_HZ))
+
+    def item(self, item: Item) -> None:
+        """What the source yielded, before the chain has it."""
+        self._keep(lambda take: take.item(item))
+        if self.calibration is not None and (found := self.calibration.step(item)) is not None:
+            self._chain.use(found)
+            out = (self.calibration.result() or {}).get("out")
+            self._pupil_map = None if out is None else Path(out)
+            self._log.info("pupil map", file=out)
+        if self.light is not None and isinstance(item, Tick) and (light := self.light.newest()) is not None:
+            self.shine(light)
+
+    def shine(self, luminance_cd_m2: float) -> None:
+        """The scene's light from now on."""
+        if self.calibration is not None:
+            self.calibration.scene_light(luminance_cd_m2, time.monotonic_ns())
+        elif self._eyes is not None:
+            self._eyes.set_luminance(luminance_cd_m2, time.monotonic_ns())
+
+    def record(self, record: EyeState | Event) -> None:
+        """What is published."""
+        if isinstance(record, EyeState):
+            self._states += 1
+            self._newest = record
+            self._published_s.append(time.monotonic())
+        elif isinstance(record, SourceSilent):
+            self._silent = record.reason
+        elif isinstance(record, SourceBack):
+            self._silent = None
+        self._keep(lambda take: take.record(record))
+
+    def answer(self, request: BridgeRequest) -> Reply:
+        """Does it, or says why not."""
+        match request:
+            case GiveStatus():
+                return Reply(True, "the bridge runs", self._status())
+            case BeginTake(folder, start_ns):
+                return self._begin(Path(folder), start_ns)
+            case EndTake():
+                return self._end()
+            case CalibratePupils() | StopCalibratingPupils():
+                if self.calibration is None:
+                    return Reply(
+                        False, "this bridge asks no display for screens: start it with --screens and --answers"
+                    )
+                if isinstance(request, CalibratePupils):
+                    return self.calibration.begin(request)
+                return self.calibration.stop()
+            case _:
+                return told(self._source, request)
+
+    def close(self) -> None:
+        """Ends what is under way, with its files whole."""
+        if self._take is not None:
+            self._end()
+        if self.calibration is not None:
+            self.calibration.close()
+        if self.light is not None:
+            self.light.close()
+
+    def _status(self) -> dict[str, Any]:
+        now_s = time.monotonic()
+        lately = sum(1 for _ in itertools.takewhile(lambda at_s: now_s - at_s <= RATE_S, reversed(self._published_s)))
+        uncertainty_ns = None if self._newest is None else self._newest.clock_uncertainty_ns
+        calibration = self.calibration
+        return {
+            "source": self._source.info.name,
+            "states": self._states,
+            "rate_hz": lately / RATE_S,
+            "late_samples": self._chain.late_count,
+            "stalls": self._publisher.stalls,
+            "clock_uncertainty_ms": None if uncertainty_ns is None else uncertainty_ns * 1e-6,
+            "silent": self._silent,
+            "take": None if self._take is None else str(self._take.folder),
+            "trouble": self._trouble,
+            "calibrating": None if calibration is None else calibration.status(),
+            "calibrated": None if calibration is None else calibration.result(),
+            "pupil_map": None if self._pupil_map is None else str(self._pupil_map),
+            "readers": self._publisher.readers,
+        }
+
+    def _begin(self, folder: Path, start_ns: int) -> Reply:
+        if not self._in_session:
+            return Reply(False, "this bridge keeps no takes: start it with --live")
+        if self._take is not None:
+            if (self._take.folder, self._take.start_ns) == (folder, start_ns):
+                return Reply(True, f"{folder} is being kept already")
+            return Reply(False, f"a take is being kept in {self._take.folder}: end it first")
+        if not folder.is_dir():
+            return Reply(False, f"{folder} is no folder that is there: make it first")
+        try:
+            self._take = BridgeTake(folder, start_ns)
+        except (OSError, ValueError, SourceError) as error:
+            return Reply(False, _unwritten(folder, error))
+        self._before = (self._publisher.stalls, self._chain.late_count)
+        self._trouble = None
+        self._log.info("take begun", folder=str(folder))
+        return Reply(True, f"all is kept in {folder}")
+
+    def _end(self) -> Reply:
+        take = self._take
+        if take is None:
+            return Reply(False, self._trouble or "no take is being kept: begin one first")
+        self._take = None
+        try:
+            self._finish(take, None)
+        except (OSError, SourceError) as error:
+            self._trouble = _unwritten(take.folder, error)
+            self._log.error("take failed", error=self._trouble)
+            return Reply(False, self._trouble)
+        self._log.info("take ended", folder=str(take.folder))
+        return Reply(True, f"{take.folder} is whole")
+
+    def _finish(self, take: BridgeTake, trouble: str | None) -> None:
+        stalls, late = self._before
+        take.end(self._source.info.name, self._publisher.stalls - stalls, self._chain.late_count - late, trouble)
+
+    def _keep(self, write: Callable[[BridgeTake], None]) -> None:
+        """Publishing goes on whatever becomes of the disk."""
+        take = self._take
+        if take is None:
+            return
+        try:
+            write(take)
+        except (OSError, SourceError) as error:
+            self._take, self._trouble = None, _unwritten(take.folder, error)
+            self._log.error("take failed", error=self._trouble)
+            with contextlib.suppress(OSError, SourceError):
+                self._finish(take, self._trouble)
+
+
+def _unwritten(folder: Path, error: Exception) -> str:
+    if not isinstance(error, OSError):
+        return f"nothing is kept in {folder}: {error}"
+    reason = error.strerror or str(error)
+    return f"nothing is kept in {folder}: {reason}. What is there stays whole; make room, then begin a new take"

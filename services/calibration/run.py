@@ -1,0 +1,218 @@
+"""Runs the black and white screens before a person, or simulated eyes: a run that a source's items step.
+
+`entoptic calibrate` owns such a run and the loop about it; in a live session the bridge steps one with the items that
+it publishes anyway (services/bridge/pupil_calibration.py). Nothing is judged here: see calibration_result.py.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import time
+from collections.abc import Callable, Generator, Iterator, Sequence
+from typing import Protocol
+
+import msgspec
+
+from services.calibration.display import Display, Request, ScreenShown
+from tracker_bridge import calibration as protocols
+from tracker_bridge.calibration import SHOWN_WITHIN_NS, Calibration, Commands, Screen, ShownScreen, Stage
+from tracker_bridge.samples import Eye, GazeSample, PupilSample
+from tracker_bridge.source import Item, Source, SourceError
+from tracker_bridge.sources.played import Played
+from tracker_bridge.sources.simulated import SimulatedSettings
+from tracker_bridge.sources.simulated_live import SimulatedLiveEyes
+
+GREY_SHARE = 0.2159
+"""Luminance of sRGB's middle grey, #808080, of white's (IEC 61966-2-1)."""
+LONGEST_S = 900.0
+"""How long simulated eyes live: long enough for pauses and repetitions, and drawn in 2 s."""
+_NO_ANSWER = "The display does not answer when it is asked for its time. Look whether it is connected, and start again."
+
+
+class Lit(Protocol):
+    """Eyes that answer to light."""
+
+    def set_luminance(self, luminance_cd_m2: float, t_ns: int) -> None:
+        """The light before them from a time on."""
+        ...
+
+
+@dataclasses.dataclass(frozen=True)
+class Room:
+    """A display before simulated eyes: their light follows the screens. Without eyes, a display before a person."""
+
+    display: Display
+    eyes: Lit | None = None
+    white_cd_m2: float = 200.0
+    black_cd_m2: float = 0.05
+
+    def light(self, screen: Screen, t_ns: int) -> None:
+        """A screen was shown."""
+        if self.eyes is not None:
+            luminances = {Screen.WHITE: self.white_cd_m2, Screen.BLACK: self.black_cd_m2}
+            self.eyes.set_luminance(luminances.get(screen, self.white_cd_m2 * GREY_SHARE), t_ns)
+
+
+class Recorded(msgspec.Struct, frozen=True):
+    """All that a run leaves, before anybody has judged it."""
+
+    protocol: protocols.Protocol
+    eyes: tuple[Eye, ...]
+    """Which must succeed."""
+    stage: Stage
+    screens: tuple[ShownScreen, ...]
+    samples: list[PupilSample]
+
+
+class CalibrationRun:
+    """One run of a protocol, from when the person starts it. Reads no clock; all that it does is said to the display.
+
+    `ids` numbers the screens; runs before one display share it, so that none takes an old answer for its own.
+    """
+
+    def __init__(
+        self,
+        protocol: protocols.Protocol,
+        room: Room,
+        eyes: Sequence[Eye] = tuple(Eye),
+        ids: Iterator[int] | None = None,
+    ) -> None:
+        self.protocol = protocol
+        self._calibration = Calibration(protocol, ids)
+        self._room = room
+        self._eyes = tuple(eyes)
+        self._asked: dict[int, Screen] = {}
+        self._wants_start_ns: int | None = None
+
+    def step(self, item: Item, now_ns: int) -> None:
+        """One more item of the source, at a time of the bridge's clock: what of it the screens' routine wants."""
+        if isinstance(item, GazeSample) or self.is_over:
+            return
+        for answer in self._room.display.answers(now_ns):
+            self._hear(answer, now_ns)
+        if self._wants_start_ns is not None:
+            self._start(now_ns, self._wants_start_ns)
+        if isinstance(item, PupilSample):
+            self._calibration.sample(item)
+        self._show(self._calibration.advance(now_ns))
+
+    def abort(self) -> None:
+        """Ends it without a result."""
+        self._show(self._calibration.abort())
+
+    @property
+    def stage(self) -> Stage:
+        """Where it is."""
+        return self._calibration.stage
+
+    @property
+    def is_over(self) -> bool:
+        """Whether nothing more is going to happen."""
+        return self.stage.is_final
+
+    @property
+    def screen(self) -> Screen:
+        """What the display shows, or is asked to show."""
+        return self._calibration.step.screen if self.stage in (Stage.WAITING, Stage.SHOWING) else Screen.GREY
+
+    @property
+    def step_number(self) -> int:
+        """Which screen it is at, from 1; 0 before the first."""
+        if self.stage is Stage.READY:
+            return 0
+        return min(len(self._calibration.shown_screens) + 1, len(self.protocol.steps))
+
+    def seconds_done(self, now_ns: int) -> float:
+        """How much of the protocol is over."""
+        return self._calibration.seconds_done(now_ns)
+
+    def recorded(self) -> Recorded:
+        """What it leaves."""
+        one = self._calibration
+        return Recorded(self.protocol, self._eyes, one.stage, tuple(one.shown_screens), one.samples)
+
+    def _hear(self, answer: ScreenShown | Request, now_ns: int) -> None:
+        if isinstance(answer, ScreenShown):
+            self._calibration.shown(answer.id, answer.t_ns, now_ns)
+            if answer.id in self._asked:
+                self._room.light(self._asked.pop(answer.id), answer.t_ns)
+        elif answer is Request.ABORT:
+            self.abort()
+        elif answer is Request.PAUSE:
+            self._wants_start_ns = None
+            self._show(self._calibration.pause())
+        else:
+            self._wants_start_ns = now_ns
+
+    def _start(self, now_ns: int, since_ns: int) -> None:
+        """As soon as the display's clock is known; whoever starts shall not see it begin by itself much later."""
+        if self._room.display.ready:
+            self._wants_start_ns = None
+            begin = self._calibration.resume if self.stage is Stage.PAUSED else self._calibration.start
+            self._show(begin(now_ns))
+        elif now_ns - since_ns > SHOWN_WITHIN_NS:
+            self._wants_start_ns = None
+            self._room.display.tell(_NO_ANSWER, again=True)
+
+    def _show(self, commands: Commands) -> None:
+        for command in commands:
+            self._asked[command.id] = command.screen
+            self._room.display.show(command)
+
+
+def items_now(source: Source) -> Generator[tuple[Item, int]]:
+    """A source's items as if all were measured now, each with the time. Closing it frees what the source holds.
+
+    A recording is played at its pace. A simulation of a live source brings its own time.
+    """
+    own_time = isinstance(source, SimulatedLiveEyes) and not source.info.live
+    items = source.samples() if own_time or source.info.live else Played(source, time.monotonic_ns()).samples()
+    try:
+        for item in items:
+            yield item, item.t_ns if own_time else time.monotonic_ns()
+    finally:
+        if hasattr(items, "close"):
+            items.close()
+
+
+def follow(
+    run: CalibrationRun,
+    items: Iterator[tuple[Item, int]],
+    source: str,
+    stopped: Callable[[], bool] = lambda: False,
+    on_item: Callable[[Item, int], None] = lambda item, now_ns: None,
+) -> Recorded:
+    """Steps a run until it is over, or asked to stop. Raises SourceError that names the source if it ends before."""
+    for item, now_ns in items:
+        if stopped():
+            run.abort()
+        run.step(item, now_ns)
+        on_item(item, now_ns)
+        if run.is_over:
+            break
+    if not run.is_over:
+        if not stopped():
+            raise SourceError(
+                f"{source} ended before the calibration did: choose a source that goes on, or one that lasts "
+                f"{run.protocol.seconds:g} s and more"
+            )
+        run.abort()
+    return run.recorded()
+
+
+def protocol_of(name: str, white_s: float | None, black_s: float | None) -> protocols.Protocol:
+    """The protocol of this name, robust or luidolt, its screens as long as given. Raises CalibrationError."""
+    make = {"robust": protocols.robust, "luidolt": protocols.luidolt}[name]
+    given = {"white_s": white_s, "black_s": black_s}
+    return make(**{name: value for name, value in given.items() if value is not None})
+
+
+def eyes_of(choice: str) -> tuple[Eye, ...]:
+    """Which eyes must succeed."""
+    return {"left": (Eye.LEFT,), "right": (Eye.RIGHT,)}.get(choice, tuple(Eye))
+
+
+def simulated_eyes(seed: int, room_cd_m2: float, *, paced: bool, seconds: float = LONGEST_S) -> SimulatedLiveEyes:
+    """Eyes that answer to the screens, at first in this light."""
+    settings = SimulatedSettings(seconds=seconds, seed=seed, luminance=((0.0, room_cd_m2),))
+    return SimulatedLiveEyes(settings, paced=paced)

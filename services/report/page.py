@@ -1,0 +1,100 @@
+"""report.html: what a person looks at after a session, made from the tables that the session left."""
+
+from __future__ import annotations
+
+import csv
+import json
+import math
+from collections import Counter
+from pathlib import Path
+from typing import Any
+
+import jinja2
+import numpy as np
+
+from pipeline.plan import OFF, SKIPPED, Effect
+from services.report import latency
+from services.report.plots import PLOTS, Subject, Table, numbers, svg
+
+MOST_PAIRS = 12
+"""On the page; all of them lie in the folder."""
+
+
+def write(folder: Path) -> None:
+    """Writes report.html into a session's folder, from its summary and tables; it lacks what they lack."""
+    summary = json.loads((folder / "summary.json").read_text(encoding="utf-8"))
+    states, events, plan = (_read(folder / name) for name in ("states.csv", "events.csv", "plan.csv"))
+    worker = summary.get("worker") or {}
+    gaps = [gap for gap in summary.get("gaps") or [] if gap["to_s"] is None or gap["to_s"] > 0]
+    pairs = _pairs(folder)
+    subject = Subject(states, plan, summary["view"], gaps)
+    page = _template().render(
+        summary=summary,
+        worker=worker,
+        heard=worker.get("heard"),
+        notes=[*summary.get("notes", ()), *summary.get("folder_notes", ())],
+        changed_s=summary.get("settings_changed_s", ()),
+        gaps=gaps,
+        key_frames=pairs[:: max(math.ceil(len(pairs) / MOST_PAIRS), 1)],
+        pairs=len(pairs),
+        eyes=[eye for eye in ("left", "right") if f"{eye}_pupil_mm" in plan],
+        effects=_effects(plan),
+        events=Counter(events.get("event", ())).most_common(),
+        latency=latency.figures(plan),
+        plots=[(title, svg(draw(subject))) for title, draw, needs in PLOTS if subject.has(needs)],
+        again=(folder / "moments.msgpack").exists(),
+    )
+    new = folder / ".report.html.new"
+    new.write_text(page, encoding="utf-8")
+    new.replace(folder / "report.html")
+
+
+def _pairs(folder: Path) -> list[dict[str, Any]]:
+    """The picture pairs that are there."""
+    try:
+        listed = json.loads((folder / "key_frames" / "key_frames.json").read_bytes())
+    except (OSError, ValueError):
+        return []
+    return [one for one in listed if (folder / "key_frames" / f"{one['frame']:06d}_perceived.png").exists()]
+
+
+def _template() -> jinja2.Template:
+    loader = jinja2.PackageLoader("services.report", package_path="")
+    return jinja2.Environment(loader=loader, autoescape=True, trim_blocks=True, lstrip_blocks=True).get_template(
+        "report.html.jinja"
+    )
+
+
+def _read(path: Path) -> Table:
+    """A table by columns; rows that a killed process left unfinished are left out, a missing table is empty."""
+    try:
+        with path.open(newline="", encoding="utf-8", errors="replace") as file:
+            header, *rows = list(csv.reader(file)) or [[]]
+    except OSError:
+        return {}
+    whole = [row for row in rows if len(row) == len(header)]
+    return {name: [row[k] for row in whole] for k, name in enumerate(header)}
+
+
+def _effects(plan: Table) -> list[dict[str, Any]]:
+    """Of each effect: how often each level was taken, with the reason that was given first."""
+    frames = max(len(plan.get("frame", ())), 1)
+    rows: list[dict[str, Any]] = []
+    if not plan:
+        return rows
+    for effect in Effect:
+        levels, reasons = plan[f"{effect.value}_level"], plan[f"{effect.value}_reason"]
+        milliseconds = numbers(plan[f"{effect.value}_ms"])
+        for level, count in Counter(levels).most_common():
+            chosen = np.array([one == level for one in levels])
+            rows.append(
+                {
+                    "effect": effect.value.replace("_", " "),
+                    "level": level,
+                    "ran": level not in (SKIPPED, OFF),
+                    "share": count / frames,
+                    "reason": reasons[levels.index(level)],
+                    "ms": float(np.median(milliseconds[chosen])) if level not in (SKIPPED, OFF) else 0.0,
+                }
+            )
+    return rows

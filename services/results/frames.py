@@ -1,0 +1,224 @@
+"""What a worker leaves behind: frames, moments, plan.csv, picture pairs for the report, and a summary of it all."""
+
+from __future__ import annotations
+
+import contextlib
+import csv
+import hashlib
+import io
+import json
+from collections.abc import Sequence
+from pathlib import Path
+from types import TracebackType
+
+import msgspec
+import numpy as np
+
+from pipeline import Encoding, as_displayed
+from pipeline.effects.encode import encode
+from pipeline.sinks.images import still_path, write_exr, write_png, write_still
+from pipeline.sinks.video import Video
+from pipeline.sinks.video_parts import Part
+from services.live.messages import LatencyMs
+from services.options import Save
+from services.results import kept, moments
+from services.results.appended import Appended
+from services.results.moments import Begun, Moment, Moments, Perceive, Resumed
+from services.results.tally import PLAN, Heard, Tally, WorkerSummary, plan_columns, whole_rows
+from services.settings import Settings
+from services.worker.rendering import Rendered
+
+KEY_FRAMES = 6
+"""How many frames of a session of known length are kept as picture pairs."""
+KEY_EVERY_S = 5.0
+"""Between pairs where the length is not known; twice that after PAIRS of them, and so on."""
+PAIRS = 12
+
+
+class Results:
+    """Everything that frames leave in a folder.
+
+    A context. One film is whole only if it is left in peace; films in `parts`, and all else, can be read at every
+    moment. In a folder that another process began, this goes on where that one was.
+    """
+
+    def __init__(
+        self, folder: Path, begun: Begun, save: frozenset[Save], *, parts: bool, frames: int | None = None
+    ) -> None:
+        """`frames` is how many are to come, if that is known. Raises OSError, and MomentsError for what lies there."""
+        self._folder, self._begun, self._save, self._parts = folder, begun, save, parts
+        self._every = max(round(KEY_EVERY_S * begun.fps) if frames is None else frames // KEY_FRAMES, 1)
+        self._pair_due = self._every // 2
+        self._pairs: list[dict[str, object]] = []
+        self._zero_s, self._display = begun.zero_s, begun.perception.display
+        self._first: int | None = None
+        """Number of the frame at the tables' zero; known with the first frame."""
+        self._tally = Tally(begun.fps)
+        self._hash = hashlib.sha256()
+        self._video: Video | None = None
+        self._part: Part | None = None
+        self._part_display = self._display
+        self._files = contextlib.ExitStack()
+        with contextlib.ExitStack() as files:
+            self._open(files)
+            self._files = files.pop_all()
+
+    def _open(self, files: contextlib.ExitStack) -> None:
+        record, plan = self._folder / moments.FILE, self._folder / PLAN
+        before = Moments(record) if self._parts and record.exists() and record.stat().st_size else None
+        last = None if before is None else before.last()
+        self._moments = files.enter_context(Appended(record, 0 if before is None else before.whole_bytes))
+        self._plan = files.enter_context(Appended(plan, 0 if before is None else whole_rows(plan)))
+        if not self._plan.size:
+            self._plan.write(_line(plan_columns(self._begun.eyes)))
+        if before is None:
+            self._moments.write(kept.encode(self._begun))
+            return
+        self._tally = Tally.read(plan, self._begun.fps)
+        with contextlib.suppress(OSError, ValueError):
+            self._pairs = json.loads((self._folder / "key_frames" / "key_frames.json").read_bytes())
+            self._pair_due = round(float(str(self._pairs[-1]["t_s"])) * self._begun.fps) + self._pair_gap
+        if last is not None:
+            self._hash.update(last.sha256)
+        self._record(Resumed(self._zero_s, self._begun.perception, self._begun.costs, self._begun.state))
+
+    def __enter__(self) -> Results:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        """Closes all. Raises FrameError where the film cannot be finished."""
+        with self._files:
+            if self._part is not None:
+                self._part.close()
+            if self._video is not None:
+                self._video.__exit__(kind, error, trace)
+
+    @property
+    def folder(self) -> Path:
+        """Where it all lies."""
+        return self._folder
+
+    @property
+    def digest(self) -> bytes:
+        """SHA-256 of all perceived frames' code values so far."""
+        return self._hash.digest()
+
+    @property
+    def _pair_gap(self) -> int:
+        return int(self._every * 2 ** (len(self._pairs) // PAIRS))
+
+    def _record(self, record: moments.Record) -> None:
+        self._moments.write(kept.encode(record))
+
+    def perceive(self, perception: Settings) -> None:
+        """Settings change, from the next frame on."""
+        self._record(Perceive(perception))
+        self._display = perception.display
+
+    def resume(self, record: Resumed) -> None:
+        """From here on it is what a worker that was started anew rendered."""
+        self._record(record)
+        self._zero_s, self._display, self._first = record.zero_s, record.perception.display, None
+        self._hash = hashlib.sha256(self.digest)
+
+    def check(self) -> None:
+        """Raises OSError where somebody deleted or moved the files: writing would go on into nowhere."""
+        self._moments.check()
+        self._plan.check()
+
+    def add(self, rendered: Rendered, moment: Moment) -> None:
+        """Keeps one more frame, and what it was rendered from. Raises OSError or FrameError where it cannot."""
+        t_s = rendered.t_s - self._zero_s
+        if self._first is None:
+            self._first = min(rendered.frame_number, rendered.frame_number - round(t_s * self._begun.fps))
+        index = rendered.frame_number - self._first
+        self._hash.update(rendered.perceived.image.tobytes())
+        self._record(msgspec.structs.replace(moment, sha256=self.digest))
+        image = side_by_side(rendered.perceived.image)
+        if Save.VIDEO in self._save:
+            self._film(image, index)
+        name = f"{rendered.frame_number:06d}"
+        if Save.PNG in self._save:
+            still = still_path(_made(self._folder / "frames") / name, self._display)
+            write_still(still, image, self._display)
+        if Save.EXR in self._save:
+            linear = side_by_side(np.asarray(rendered.perceived.linear).transpose(0, 2, 3, 1))
+            write_exr(_made(self._folder / "frames") / f"{name}.exr", linear)
+        if index >= self._pair_due:
+            self._keep_pair(rendered, name, t_s)
+            while self._pair_due <= index:
+                self._pair_due += self._pair_gap
+
+    def note(self, rendered: Rendered, latency: LatencyMs | None = None) -> None:
+        """Writes the frame's row, when all that it says has happened. Raises OSError where it cannot."""
+        cells = self._tally.add(rendered, self._begun, rendered.t_s - self._zero_s, latency)
+        self._plan.write(_line(cells))
+
+    def _film(self, image: np.ndarray, index: int) -> None:
+        height, width = image.shape[:2]
+        path, fps = self._folder, self._begun.fps
+        if not self._parts:
+            if self._video is None:
+                self._video = Video(path / "perceived.mp4", width, height, fps, self._display)
+            self._video.write(image, index)
+            return
+        if self._part is not None and self._display != self._part_display:
+            self._part.close()
+            self._part = None
+        self._part_display = self._display
+        if self._display.encoding is Encoding.LINEAR:
+            return  # a film has no such frames
+        if self._part is None:
+            self._part = Part(_next_part(self._folder), width, height, fps, self._display, index)
+        self._part.write(image, index)
+
+    def _keep_pair(self, rendered: Rendered, name: str, t_s: float) -> None:
+        folder = _made(self._folder / "key_frames")
+        # For a web page, whatever the display.
+        page = msgspec.structs.replace(self._display, encoding=Encoding.SRGB)
+        displayed, perceived = as_displayed(rendered.frame, page), encode(rendered.perceived.linear, page)
+        write_png(folder / f"{name}_displayed.png", side_by_side(displayed))
+        write_png(folder / f"{name}_perceived.png", side_by_side(perceived))
+        scene = side_by_side(np.asarray(rendered.frame.rgb_cd_m2).transpose(0, 2, 3, 1))
+        write_exr(folder / f"{name}_scene.exr", scene)
+        self._pairs.append({"frame": rendered.frame_number, "t_s": t_s})
+        new = folder / ".key_frames.json.new"
+        new.write_text(json.dumps(self._pairs), encoding="utf-8")
+        new.replace(folder / "key_frames.json")
+
+    def summary(self, heard: Heard | None, warm_up_s: float | None) -> WorkerSummary:
+        """All of it in figures."""
+        return self._tally.summary(heard, self._hash.hexdigest(), warm_up_s)
+
+
+def film_parts(folder: Path) -> list[Path]:
+    """The parts of a film, in order."""
+    return sorted(folder.glob("perceived-*.mp4"), key=_number)
+
+
+def _number(part: Path) -> int:
+    number = part.stem.rpartition("-")[2]
+    return int(number) if number.isdecimal() else 0
+
+
+def _next_part(folder: Path) -> Path:
+    parts = film_parts(folder)
+    return folder / f"perceived-{_number(parts[-1]) + 1 if parts else 1}.mp4"
+
+
+def side_by_side(images: np.ndarray) -> np.ndarray:
+    """Images of shape (eye, y, x, 3) beside each other: (y, eye·x, 3)."""
+    return np.concatenate(list(images), axis=1)
+
+
+def _line(cells: Sequence[object]) -> bytes:
+    text = io.StringIO(newline="")
+    csv.writer(text).writerow(cells)
+    return text.getvalue().encode()
+
+
+def _made(folder: Path) -> Path:
+    folder.mkdir(exist_ok=True)
+    return folder

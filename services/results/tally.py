@@ -1,0 +1,163 @@
+"""plan.csv: a row for every frame, and what all rows come to."""
+
+from __future__ import annotations
+
+import array
+import csv
+from collections.abc import Sequence
+from pathlib import Path
+
+import msgspec
+import numpy as np
+
+from pipeline.plan import OFF, SKIPPED, Effect
+from services.live.messages import LatencyMs
+from services.results.moments import Begun
+from services.worker.rendering import Rendered
+from tracker_bridge.wire import Eye
+
+PLAN = "plan.csv"
+LATENCIES = ("sample_to_state_ms", "state_to_frame_ms", "frame_to_sink_ms")
+"""The columns of LatencyMs; empty where there is none."""
+_PARTS = ("scene", "measure", "kernel", "plan", "encode")
+
+
+class Heard(msgspec.Struct, frozen=True):
+    """How well a worker heard its bridge."""
+
+    states_received: int
+    states_skipped: int
+    """Published but not read: by intent in live rendering, lost otherwise."""
+    event_gaps: int
+    """How often events were missing at first."""
+    events_lost: int
+    """Events that could not be had again."""
+    messages_refused: dict[str, int]
+    """By the error's name."""
+
+
+class WorkerSummary(msgspec.Struct, frozen=True):
+    """What a worker did."""
+
+    frames: int
+    dropped_frames: int
+    """Frames that live rendering left out rather than fall behind, or while the worker was away."""
+    heard: Heard | None
+    """None where it was lost with the worker."""
+    perceived_sha256: str
+    """Of all perceived frames' code values, in order; a worker that was started anew in between goes on from the digest
+    so far."""
+    median_ms: dict[str, float]
+    """Of each part, over the frames in which it ran."""
+    share_of_frames: dict[str, float]
+    """In which each effect ran."""
+    warm_up_s: float | None
+    """Compiling, before the first frame; None where that was lost with the worker."""
+
+
+def plan_columns(eyes: Sequence[Eye]) -> list[str]:
+    """The header of plan.csv."""
+    columns = ["frame", "t_s"]
+    for eye in eyes:
+        name = eye.name.lower()
+        columns += [f"{name}_{quantity}" for quantity in ("phase", "pupil_mm", "gaze_x_px", "gaze_y_px")]
+        columns += [f"{name}_{quantity}_cd_m2" for quantity in ("adapted", "mean", "max")]
+    for effect in Effect:
+        columns += [f"{effect.value}_{quantity}" for quantity in ("level", "reason", "ms")]
+    return [
+        *columns,
+        "bound_code_values",
+        "scene_ms",
+        "measure_ms",
+        "kernel_ms",
+        "plan_ms",
+        "encode_ms",
+        "total_ms",
+        *LATENCIES,
+    ]
+
+
+class Tally:
+    """Rows and their sums."""
+
+    def __init__(self, fps: float) -> None:
+        self._fps = fps
+        self._milliseconds: dict[str, array.array[float]] = {}
+        self._runs = dict.fromkeys([effect.value for effect in Effect], 0)
+        self._count = 0
+        self._first_s = self._last_s = 0.0
+
+    @classmethod
+    def read(cls, path: Path, fps: float) -> Tally:
+        """Of a file that is there; rows that are not whole do not count."""
+        tally = cls(fps)
+        with path.open(newline="", encoding="utf-8") as file:
+            for row in csv.DictReader(file):
+                try:
+                    t_s = float(row["t_s"])
+                    times = {part: float(row[f"{part}_ms"]) for part in _PARTS}
+                    effects = {effect.value: float(row[f"{effect.value}_ms"]) for effect in Effect}
+                    runs = [
+                        effect
+                        for effect, ms in effects.items()
+                        if ms > 0 or row[f"{effect}_level"] not in (SKIPPED, OFF)
+                    ]
+                except (KeyError, TypeError, ValueError):
+                    continue
+                tally._count_in(t_s, {**times, **{effect: effects[effect] for effect in runs}}, runs)
+        return tally
+
+    def _count_in(self, t_s: float, milliseconds: dict[str, float], runs: Sequence[str]) -> None:
+        self._first_s = self._first_s if self._count else t_s
+        self._last_s = t_s
+        self._count += 1
+        for effect in runs:
+            self._runs[effect] += 1
+        for part, one in milliseconds.items():
+            self._milliseconds.setdefault(part, array.array("f")).append(one)
+
+    def add(self, rendered: Rendered, begun: Begun, t_s: float, latency: LatencyMs | None) -> list[object]:
+        """One more frame, at `t_s` of the tables' time; its cells."""
+        cells: list[object] = [rendered.frame_number, f"{t_s:.6f}"]
+        perceived = rendered.perceived
+        for k, (eye, looking, measured) in enumerate(
+            zip(begun.eyes, rendered.looking, perceived.measured, strict=True)
+        ):
+            x_px, y_px = begun.view.pixel_of(looking.azimuth_deg, looking.elevation_deg)
+            phase = "none" if rendered.state is None else rendered.state.of(eye).phase.value
+            cells += [phase, f"{perceived.pupil_mm[k]:.3f}", f"{x_px:.1f}", f"{y_px:.1f}"]
+            cells += [
+                f"{value:.4g}" for value in (perceived.state.adapted_cd_m2[k], measured.mean_cd_m2, measured.max_cd_m2)
+            ]
+        milliseconds = {str(part): one for part, one in perceived.milliseconds.items()}
+        for step in perceived.plan:
+            cells += [step.level, step.reason, f"{milliseconds.get(step.effect, 0.0):.2f}"]
+        total = rendered.scene_ms + sum(milliseconds.values())
+        others = (rendered.scene_ms, *(milliseconds[part] for part in _PARTS[1:]), total)
+        cells += [f"{perceived.plan.bound_code_values:.3g}", *(f"{value:.2f}" for value in others)]
+        stages = () if latency is None else (latency.sample_to_state, latency.state_to_frame, latency.frame_to_sink)
+        cells += [f"{stage:.2f}" for stage in stages] or [""] * len(LATENCIES)
+        runs = [step.effect.value for step in perceived.plan if step.runs]
+        self._count_in(t_s, {"scene": rendered.scene_ms, **milliseconds}, runs)
+        return cells
+
+    def summary(self, heard: Heard | None, perceived_sha256: str, warm_up_s: float | None) -> WorkerSummary:
+        """All of it in figures."""
+        due = round((self._last_s - self._first_s) * self._fps) + 1 if self._count else 0
+        return WorkerSummary(
+            frames=self._count,
+            dropped_frames=max(due - self._count, 0),
+            heard=heard,
+            perceived_sha256=perceived_sha256,
+            median_ms={part: round(float(np.median(times)), 2) for part, times in self._milliseconds.items()},
+            share_of_frames={effect: runs / max(self._count, 1) for effect, runs in self._runs.items()},
+            warm_up_s=None if warm_up_s is None else round(warm_up_s, 2),
+        )
+
+
+def whole_rows(path: Path) -> int:
+    """Bytes of a table up to the end of its last whole row; 0 where there is none."""
+    try:
+        return path.read_bytes().rfind(b"\n") + 1
+    except FileNotFoundError:
+        return 0

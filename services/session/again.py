@@ -1,0 +1,85 @@
+"""The frames of an earlier session once more, from what they were rendered from."""
+
+from __future__ import annotations
+
+import contextlib
+import shutil
+import time
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import msgspec
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+
+from services.live import takes
+from services.live.children import Child
+from services.options import Save
+from services.process import Stop
+from services.results import session_file
+from services.results.folder import results_folder
+from services.results.moments import FILE as MOMENTS
+from services.session.offline import SessionError
+
+TABLES = ("states.csv", "events.csv", "bridge.json", session_file.FILE, "settings.toml")
+"""What the frames change nothing in."""
+
+
+def run(before: Path, out: Path, save: Sequence[Save], stop: Stop, console: Console) -> None:
+    """Renders the session in a folder again into another one, with a report of its own.
+
+    Raises SessionError, SessionFileError or ResultsFolderError; then no folder is left.
+    """
+    session = session_file.read(before)
+    if not (before / MOMENTS).exists():
+        raise SessionError(f"{before} holds no {MOMENTS}: nothing was kept from which frames could be rendered again")
+    if out.resolve() == before.resolve():
+        raise SessionError(f"{out} is that session itself: choose another --out")
+    with results_folder(out) as folder:
+        for name in TABLES:
+            with contextlib.suppress(FileNotFoundError):
+                shutil.copyfile(before / name, folder / name)
+        arguments = ["worker", "--again", str(before), "--out", str(folder)]
+        for form in save:
+            arguments += ["--save", form.value]
+        different = _watch(Child("worker", arguments), stop, console).get("first_different")
+        words = "all frames are the same" if different is None else f"frames differ from frame {different} on"
+        console.print(words)
+        from services.report import page as report
+        from services.results.finish import finish
+
+        notes = takes.HostNotes(0)
+        summary = takes.told(session, notes, finish(folder))
+        (folder / takes.SUMMARY).write_bytes(msgspec.json.format(msgspec.json.encode(summary), indent=2))
+        if (folder / "states.csv").exists():
+            report.write(folder)
+
+
+def _watch(worker: Child, stop: Stop, console: Console) -> dict[str, Any]:
+    """What it said when it ended."""
+    said: str | None = None
+    ended: dict[str, Any] = {}
+    with Progress(
+        TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn(), console=console
+    ) as progress:
+        task = progress.add_task("compiling", total=None)
+        try:
+            while True:
+                code = worker.code()
+                for message in worker.drain():
+                    said = message.get("error", said)
+                    ended = message if message["event"] == "ended" else ended
+                    if message["event"] == "progress":
+                        progress.update(
+                            task, description="rendering", completed=message["frame"], total=message["frames"]
+                        )
+                if stop():
+                    raise SessionError("stopped: nothing was written")
+                if code == 0:
+                    return ended
+                if code is not None:
+                    raise SessionError(f"the worker failed {worker.ending(said)}")
+                time.sleep(0.02)
+        finally:
+            worker.end()

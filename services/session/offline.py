@@ -1,0 +1,162 @@
+"""A whole session: bridge and worker as two processes, their progress, their failures, and what they leave.
+
+Theory of operation: each process writes its log to standard error, a JSON object a line; this one reads both. A
+process is asked to stop by closing its standard input, so it stops too if this one dies. All results are written into
+a folder beside the final one, which takes its name only when they are whole.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import dataclasses
+import time
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import msgspec
+from rich.console import Console
+from rich.markup import escape
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+
+from services.eye_data import SIMULATED_SECONDS
+from services.live.arguments import recorded_bridge_arguments, recorded_worker_arguments
+from services.live.checked import Checked
+from services.live.children import Child
+from services.process import Stop
+from services.psf import observer_file
+from services.results import session_file
+from services.results.folder import results_folder
+from tracker_bridge.sources import SIMULATED
+
+READY_WITHIN_S = 60.0
+
+
+class SessionError(Exception):
+    """A session failed: the message names the process and what it said."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Outcome:
+    """What became of a session."""
+
+    bridge: dict[str, Any]
+    """What the bridge said when it ended."""
+    worker: dict[str, Any]
+    """What the worker said when it ended."""
+    interrupted: bool
+
+
+def _failed(child: Child, said: str | None) -> SessionError:
+    return SessionError(f"the {child.name} failed {child.ending(said)}")
+
+
+def keep(checked: Checked, final: Path, stop: Stop, console: Console) -> Outcome:
+    """Renders every frame of a recording into a folder with all that belongs to it.
+
+    Raises SessionError and ResultsFolderError; then no folder is left.
+    """
+    from services import simulated_light
+    from services.live import takes
+    from services.report import page as report
+    from services.results.finish import BRIDGE, finish
+
+    with results_folder(final) as folder:
+        observer_file.write(folder / "settings.toml", checked.settings)
+        takes.of_session(checked, "offline").write(folder)
+        if (trouble := takes.keep_inputs(folder, checked)) is not None:
+            console.print(f"[yellow]![/yellow] {escape(trouble)}", soft_wrap=True)
+        light = folder / "scene_luminance.csv"
+        if checked.choice.source == SIMULATED:
+            seconds = checked.choice.seconds or SIMULATED_SECONDS
+            steps = simulated_light.of_scene(checked.scene, checked.view, checked.choice.head, seconds)
+            simulated_light.write(light, steps)
+        bridge = recorded_bridge_arguments(checked.choice, folder, light if light.exists() else None)
+        worker = recorded_worker_arguments(checked.choice, folder, folder / "settings.toml")
+        outcome = run(bridge, worker, stop, console)
+        notes = takes.HostNotes(0, interrupted=outcome.interrupted)
+        (folder / BRIDGE).write_bytes(msgspec.json.encode(outcome.bridge))
+        summary = takes.told(session_file.read(folder), notes, finish(folder))
+        (folder / takes.SUMMARY).write_bytes(msgspec.json.format(msgspec.json.encode(summary), indent=2))
+        report.write(folder)
+    return outcome
+
+
+def run(bridge_arguments: Sequence[str], worker_arguments: Sequence[str], stop: Stop, console: Console) -> Outcome:
+    """Runs both processes to their end, or until asked to stop. Raises SessionError; leaves no process behind."""
+    with contextlib.ExitStack() as children:
+        bridge = Child("bridge", bridge_arguments)
+        children.callback(bridge.end)
+        ready = _wait_for_ready(bridge, stop)
+        if ready is None:
+            return Outcome({}, {}, interrupted=True)
+        addresses = ["--states", ready["states"], "--events", ready["events"]]
+        worker = Child("worker", [*worker_arguments, *addresses])
+        children.callback(worker.end)
+        return _watch(bridge, worker, stop, console)
+
+
+def _wait_for_ready(bridge: Child, stop: Stop) -> dict[str, Any] | None:
+    deadline, said = time.monotonic() + READY_WITHIN_S, None
+    while not stop():
+        ended = bridge.code() is not None
+        for message in bridge.drain():
+            if message["event"] == "ready":
+                return message
+            said = message.get("error", said)
+        if ended or time.monotonic() > deadline:
+            raise _failed(bridge, said)
+        time.sleep(0.02)
+    return None
+
+
+def _watch(bridge: Child, worker: Child, stop: Stop, console: Console) -> Outcome:
+    endings: dict[str, dict[str, Any]] = {"bridge": {}, "worker": {}}
+    said: dict[str, str | None] = {"bridge": None, "worker": None}
+    interrupted = False
+    with Progress(
+        TextColumn("{task.description}"),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TimeElapsedColumn(),
+        TimeRemainingColumn(),
+        console=console,
+    ) as progress:
+        task = progress.add_task("starting", total=None)
+        while True:
+            if stop() and not interrupted:
+                interrupted = True
+                progress.update(task, description="stopping")
+                for child in (worker, bridge):
+                    child.ask_to_stop()
+            # Asked first and read after, so that nothing said before the end is missed.
+            codes = {child.name: child.code() for child in (bridge, worker)}
+            for child in (bridge, worker):
+                for message in child.drain():
+                    said[child.name] = message.get("error", said[child.name])
+                    match message["event"]:
+                        case "ended":
+                            endings[child.name] = message
+                        case "preparing":
+                            progress.update(task, description="compiling")
+                        case "progress":
+                            _show(progress, task, message)
+            for child in (bridge, worker):
+                if codes[child.name] not in (None, 0):
+                    raise _failed(child, said[child.name])
+            if codes["worker"] == 0:
+                # An early end of the frames leaves the bridge with states nobody wants.
+                bridge.ask_to_stop()
+                if codes["bridge"] == 0:
+                    return Outcome(endings["bridge"], endings["worker"], interrupted)
+            time.sleep(0.02)
+
+
+def _show(progress: Progress, task: Any, message: dict[str, Any]) -> None:
+    dropped = message["dropped"]
+    progress.update(
+        task,
+        description="rendering" + (f", {dropped} frames dropped" if dropped else ""),
+        completed=message["frame"],
+        total=message["frames"],
+    )

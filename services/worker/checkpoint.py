@@ -1,0 +1,122 @@
+"""What a live worker takes along, kept on disk so that one started anew goes on where the last one was.
+
+Written about once a second, in one step, so that there is always a whole one. What a worker cannot use, it ignores:
+a file of another scene or view, of another version or from before the machine was started, or a broken one.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import time
+from pathlib import Path
+
+import msgspec
+import structlog
+
+from pipeline import RenderState, View
+from pipeline.budget import CostModel
+from pipeline.scenes import Head
+from services.results import kept
+from services.settings import Settings
+from tracker_bridge.wire import Eye
+
+VERSION = 1
+EVERY_S = 1.0
+"""Engineering choice: what the eyes forget by a crash is then less than they do in a blink or two."""
+
+
+class Job(msgspec.Struct, frozen=True):
+    """What is rendered: a checkpoint of something else is of no use."""
+
+    scene: str
+    """As it is named: what opens it."""
+    mean_luminance_cd_m2: float | None
+    view: View
+    fps: float
+    eyes: tuple[Eye, ...]
+    """Left to right, as they stand side by side in the output."""
+    head_path: str
+
+
+class Checkpoint(msgspec.Struct, frozen=True, kw_only=True):
+    """All that a worker takes along from one frame to the next."""
+
+    entoptic: int = VERSION
+    written_ns: int
+    """On the machine's monotonic clock, as all times."""
+    job: Job
+    zero_ns: int
+    """When frame 0 was due."""
+    frame: int
+    """The last one."""
+    t_s: float
+    """Its time."""
+    dropped: int
+    head: Head
+    perception: Settings
+    costs: CostModel
+    state: RenderState | None
+
+
+class Keeper:
+    """Writes checkpoints into one file; reads the one that is there."""
+
+    def __init__(self, path: Path, log: structlog.typing.FilteringBoundLogger) -> None:
+        self._path, self._log = path, log
+        self._due_s = time.monotonic() + EVERY_S
+        self._failed = False
+
+    def hurry(self) -> None:
+        """The next one is due at once: something changed that nobody would tell again."""
+        self._due_s = 0.0
+
+    @property
+    def due(self) -> bool:
+        """Whether it is time for another one."""
+        return time.monotonic() >= self._due_s
+
+    def write(self, checkpoint: Checkpoint) -> None:
+        """Replaces the file; a disk that is full is logged once, and does not matter until a crash."""
+        self._due_s = time.monotonic() + EVERY_S
+        partial = self._path.with_name(self._path.name + ".partial")
+        try:
+            partial.write_bytes(kept.encode(checkpoint))
+            os.replace(partial, self._path)
+            self._failed = False
+        except OSError as error:
+            if not self._failed:
+                self._log.warning("checkpoint not written", file=str(self._path), error=error.strerror)
+            self._failed = True
+            with contextlib.suppress(OSError):
+                partial.unlink()
+
+    def read(self, job: Job) -> Checkpoint | None:
+        """What is there to go on from, if anything; what is of no use is logged."""
+        try:
+            data = self._path.read_bytes()
+            checkpoint = _decoder.decode(data)
+        except FileNotFoundError:
+            return None
+        except (OSError, msgspec.DecodeError, ValueError, TypeError, AttributeError) as error:
+            why: str | None = f"it cannot be read: {error}"
+        else:
+            why = _useless(checkpoint, job)
+        if why is not None:
+            self._log.warning("checkpoint ignored", file=str(self._path), why=why)
+            return None
+        return checkpoint
+
+
+def _useless(checkpoint: Checkpoint, job: Job) -> str | None:
+    """Why it is, if it is."""
+    if checkpoint.entoptic != VERSION:
+        return f"it is of form {checkpoint.entoptic}, this program reads {VERSION}"
+    if checkpoint.job != job:
+        return "it is of another scene or view"
+    if not checkpoint.zero_ns <= checkpoint.written_ns <= time.monotonic_ns():
+        return "it is from before this machine was started"
+    return None
+
+
+_decoder: msgspec.msgpack.Decoder[Checkpoint] = kept.decoder(Checkpoint)

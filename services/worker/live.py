@@ -1,0 +1,346 @@
+"""The pipeline process that keeps the clock: frames when they are due, for whoever watches, and into takes.
+
+Theory of operation: one loop, and a thread that listens (worker_requests.py). Frame k is due at zero_ns + k/fps of the
+machine's monotonic clock; those whose time has passed are left out. A worker that is started anew reads what the last
+one remembered (checkpoint.py) and goes on with the frame that is due now: to the eyes it was one long frame.
+"""
+
+from __future__ import annotations
+
+import collections
+import contextlib
+import dataclasses
+import time
+from pathlib import Path
+from typing import Any
+
+import structlog
+import zmq
+
+from pipeline import FrameError
+from pipeline.optics import OpticsError
+from pipeline.scenes import Head
+from pipeline.scenes.head_path import HeadPath
+from services.control import Reply
+from services.live.messages import LatencyMs
+from services.live.requests import BeginTake, EndTake
+from services.options import Save
+from services.process import Stop
+from services.reader import StateReader
+from services.results import finish as takes
+from services.results.moments import Moment
+from services.results.tally import WorkerSummary
+from services.settings import Settings
+from services.worker.checkpoint import Checkpoint, Job, Keeper
+from services.worker.offline import begin, frames_known, heard
+from services.worker.publish import LivePublisher
+from services.worker.rendering import Rendered, Rendering, gaze_deg, kicks_of
+from services.worker.requests import Wish, WorkerRequests
+from services.worker.take import UNWRITABLE, WorkerTake
+from tracker_bridge.access import ServerKeys
+from tracker_bridge.wire import NS_PER_S, EyeState
+
+GONE_S = 3.0
+"""After so long without a state or a heartbeat a bridge says nothing about the eyes any more. Engineering choice: three
+heartbeats."""
+STALE_NS = 500_000_000
+"""An older state has no latency: no sample has come for a while, or its time is another machine's."""
+LOOKS_UP_S = 0.05
+"""A loop that waits looks so often whether it is to stop."""
+
+
+@dataclasses.dataclass(frozen=True)
+class LiveSettings:
+    """How a live worker works."""
+
+    job: Job
+    save: frozenset[Save]
+    """Of takes."""
+    out: Path | None = None
+    """A take from the first frame on, as nobody asks for one."""
+    seconds: float | None = None
+    resume: Path | None = None
+    """Its checkpoints."""
+    hosted: bool = False
+    """It runs until it is stopped, whatever becomes of the bridge; else it ends with the stream."""
+
+
+class LiveWorker:
+    """Renders by the clock. `status` is for any thread, all else for one."""
+
+    def __init__(
+        self,
+        reader: StateReader,
+        rendering: Rendering,
+        head_path: HeadPath,
+        settings: LiveSettings,
+        stop: Stop,
+        log: structlog.typing.FilteringBoundLogger,
+        publisher: LivePublisher | None = None,
+    ) -> None:
+        self._reader, self._rendering, self._head_path = reader, rendering, head_path
+        self._settings, self._stop, self._log, self._publisher = settings, stop, log, publisher
+        self._job = settings.job
+        self._take = WorkerTake(log)
+        self._keeper = None if settings.resume is None else Keeper(settings.resume, log)
+        self._warm_up_s: float | None = None
+        self._zero_ns: int | None = None
+        self._frame, self._t_s, self._dropped = -1, 0.0, 0
+        self._head = Head()
+        self._state: EyeState | None = None
+        self._before: Settings | None = None
+        """Settings that worked, while it is not known whether the present ones do."""
+        self._refused: str | None = None
+        """Why settings were taken back."""
+        self._recent: collections.deque[int] = collections.deque()
+        self._preparing = True
+
+    def status(self) -> dict[str, Any]:
+        """As GiveStatus's reply has it."""
+        return {
+            "scene": self._job.scene,
+            "frame": self._frame,
+            "fps": self._job.fps,
+            "reached_fps": self._reached_fps(),
+            "dropped": self._dropped,
+            "preparing": self._preparing,
+            "take": self._take.folder,
+            "trouble": self._trouble(),
+            "viewers": 0 if self._publisher is None else self._publisher.viewers,
+        }
+
+    def _trouble(self) -> str | None:
+        return "; ".join(one for one in (self._take.trouble, self._refused) if one) or None
+
+    def run(self, requests: WorkerRequests | None = None) -> WorkerSummary | None:
+        """Until asked to stop, or to the end of what was asked for; what lies in `out`, if it is given."""
+        frames = self._prepare()
+        try:
+            if self._settings.out is not None and not self._stop():
+                self._zero_ns = self._zero_ns or time.monotonic_ns()
+                self._begin(BeginTake(str(self._settings.out), self._zero_ns))
+            frame = self._next_frame()
+            while not self._stop() and (frames is None or frame < frames) and not self._stream_ended():
+                wait_s = self._due_s(frame)
+                if requests is not None:
+                    requests.serve(self._do, min(wait_s, LOOKS_UP_S))
+                elif wait_s > 0:
+                    time.sleep(min(wait_s, LOOKS_UP_S))
+                if wait_s <= LOOKS_UP_S and self._due_s(frame) <= 0:
+                    self._render(frame)
+                    self._after_frame(frame, frames)
+                    after = max(self._next_frame(), frame + 1)
+                    self._dropped += after - frame - 1
+                    frame = after
+        finally:
+            summary = self._take.end(heard(self._reader), self._warm_up_s)
+        return summary
+
+    def _prepare(self) -> int | None:
+        """Before the first frame; how many there will be."""
+        checkpoint = None if self._keeper is None else self._keeper.read(self._job)
+        self._log.info("preparing", scene=self._job.scene, resumed=checkpoint is not None)
+        if checkpoint is None:
+            self._warm_up_s = self._rendering.warm_up(self._stop)
+        else:
+            # What was compiled lies on the disk; what the next frame does not call for can wait.
+            self._go_on_from(checkpoint)
+        start_ns = end_ns = None
+        if self._settings.hosted:
+            self._reader.subscribe()
+        elif (started := self._reader.wait_for_start(self._stop)) is not None:
+            start_ns, end_ns = started.t_ns, started.t_end_ns
+        self._log.info("prepared", seconds=None if self._warm_up_s is None else round(self._warm_up_s, 2))
+        return frames_known(self._settings.seconds, end_ns, start_ns or 0, self._job.fps)
+
+    def _go_on_from(self, checkpoint: Checkpoint) -> None:
+        self._zero_ns, self._frame, self._t_s = checkpoint.zero_ns, checkpoint.frame, checkpoint.t_s
+        self._dropped, self._head = checkpoint.dropped, checkpoint.head
+        self._rendering.perception, self._rendering.costs = checkpoint.perception, checkpoint.costs
+        self._rendering.memory = checkpoint.state
+
+    def _next_frame(self) -> int:
+        """The one that is due now."""
+        if self._zero_ns is None:
+            return 0
+        return max(int((time.monotonic_ns() - self._zero_ns) / NS_PER_S * self._job.fps), self._frame + 1)
+
+    def _due_s(self, frame: int) -> float:
+        """How long until then."""
+        if self._zero_ns is None:
+            return 0.0
+        return frame / self._job.fps - (time.monotonic_ns() - self._zero_ns) / NS_PER_S
+
+    def _stream_ended(self) -> bool:
+        return not self._settings.hosted and self._reader.ended is not None
+
+    def _do(self, wish: Wish) -> Reply:
+        match wish:
+            case BeginTake():
+                return self._begin(wish)
+            case EndTake():
+                return self._end()
+            case Settings():
+                self._before = self._before or self._rendering.perception
+                self._perceive(wish)
+                return Reply(True, "taken")
+
+    def _perceive(self, perception: Settings) -> None:
+        self._rendering.perception = perception
+        self._take.perceive(perception)
+        if self._keeper is not None:
+            self._keeper.hurry()
+
+    def _begin(self, wish: BeginTake) -> Reply:
+        if self._take.runs:
+            same = (self._take.folder, self._take.start_ns) == (wish.folder, wish.start_ns)
+            return Reply(same, f"a take is running, in {self._take.folder}" + ("" if same else ": end it first"))
+        if self._zero_ns is None:
+            self._zero_ns = time.monotonic_ns()
+        begun = begin(self._job, self._rendering, live=True, zero_s=(wish.start_ns - self._zero_ns) / NS_PER_S)
+        try:
+            self._take.begin(wish.folder, wish.start_ns, begun, self._settings.save, heard(self._reader))
+        except UNWRITABLE as error:
+            self._take.trouble = f"nothing can be kept in {wish.folder}: {error}"
+            self._log.error("take not begun", folder=wish.folder, error=str(error))
+            return Reply(False, self._take.trouble)
+        return Reply(True, f"frames are kept in {wish.folder}")
+
+    def _end(self) -> Reply:
+        if not self._take.runs:
+            return Reply(False, self._take.trouble or "no take is running")
+        summary = self._take.end(heard(self._reader), self._warm_up_s)
+        if summary is None:
+            return Reply(False, self._take.trouble or "the take could not be ended")
+        return Reply(True, f"{summary.frames} frames are kept", {"frames": summary.frames})
+
+    def _render(self, frame: int) -> None:
+        begun_ns = time.monotonic_ns()
+        self._zero_ns = self._zero_ns if self._zero_ns is not None else begun_ns
+        t_s = frame / self._job.fps
+        dt_s = t_s - self._t_s
+        newest = self._reader.newest()
+        self._state = newest or (None if self._reader.silent_s > GONE_S else self._state)
+        told = self._reader.saccades_heard()
+        kicked = self._rendering.perception.observer.living.vitreous and self._state is not None
+        kicks = kicks_of(told, self._state.t_ns) if kicked and self._state is not None else ()
+        head = self._head_path.step(t_s, dt_s, self._head, gaze_deg(self._state))
+        arguments = (frame, t_s, dt_s, head, self._state, kicks)
+        try:
+            rendered = self._rendering.render(*arguments)
+        except (FrameError, OpticsError) as error:
+            if self._before is None:
+                raise
+            self._refused = f"settings were taken back, since they cannot be rendered: {error}"
+            self._log.warning("settings taken back", error=str(error))
+            self._perceive(self._before)
+            rendered = self._rendering.render(*arguments)
+        else:
+            self._refused = None if self._before is not None else self._refused
+        self._before = None
+        timings = tuple(rendered.perceived.timings)
+        self._rendering.correct(timings)
+        self._t_s, self._head, self._frame = t_s, head, frame
+        moment = Moment(frame, t_s, dt_s, head, self._state, kicks, self._dropped, timings)
+        self._sink(rendered, moment, begun_ns)
+
+    def _sink(self, rendered: Rendered, moment: Moment, begun_ns: int) -> None:
+        """Keeps a frame and shows it; its row is written last, since it says how long that took."""
+        sink_ns = time.monotonic_ns()
+        self._take.add(rendered, moment)
+        kept_ns = time.monotonic_ns()
+        self._recent.append(kept_ns)
+        if self._publisher is not None:
+            self._publisher.show(
+                rendered,
+                self._job.eyes,
+                self._rendering.perception,
+                t_ns=begun_ns,
+                fps=self._job.fps,
+                reached_fps=self._reached_fps(),
+                dropped=self._dropped,
+                latency=self._latency(begun_ns, kept_ns),
+                sink_ms=(kept_ns - sink_ns) / 1e6,
+                take=self._take.folder,
+                trouble=self._trouble(),
+            )
+        self._take.note(rendered, self._latency(begun_ns, time.monotonic_ns()))
+
+    def _latency(self, begun_ns: int, done_ns: int) -> LatencyMs | None:
+        state, sent_ns = self._state, self._reader.newest_sent_ns
+        if state is None or sent_ns is None or begun_ns - state.t_ns > STALE_NS:
+            return None
+        if not state.t_ns <= sent_ns <= begun_ns:
+            return None  # not of this machine's clock
+        return LatencyMs((sent_ns - state.t_ns) / 1e6, (begun_ns - sent_ns) / 1e6, (done_ns - begun_ns) / 1e6)
+
+    def _reached_fps(self) -> float:
+        """Of the last second or so; frames that wait for the next one to be shown count as late."""
+        recent = tuple(self._recent)
+        if len(recent) < 2:
+            return 0.0
+        return (len(recent) - 1) * NS_PER_S / max(recent[-1] - recent[0], time.monotonic_ns() - recent[-1], 1)
+
+    def _after_frame(self, frame: int, frames: int | None) -> None:
+        if self._preparing:
+            self._log.info("first frame", frame=frame, t_s=round(self._t_s, 3))
+            self._preparing = False
+        while len(self._recent) > 2 and self._recent[-1] - self._recent[0] > NS_PER_S:
+            self._recent.popleft()
+        self._log.info("progress", frame=frame + 1, frames=frames, dropped=self._dropped)
+        if self._keeper is not None and self._keeper.due:
+            self._take.check()
+            self._keeper.write(self._checkpoint())
+
+    def _checkpoint(self) -> Checkpoint:
+        assert self._zero_ns is not None
+        return Checkpoint(
+            written_ns=time.monotonic_ns(),
+            job=self._job,
+            zero_ns=self._zero_ns,
+            frame=self._frame,
+            t_s=self._t_s,
+            dropped=self._dropped,
+            head=self._head,
+            perception=self._rendering.perception,
+            costs=self._rendering.costs,
+            state=self._rendering.kept_memory,
+        )
+
+
+def run(
+    reader: StateReader,
+    rendering: Rendering,
+    head_path: HeadPath,
+    settings: LiveSettings,
+    stop: Stop,
+    log: structlog.typing.FilteringBoundLogger,
+    *,
+    frames: str | None = None,
+    control: str | None = None,
+    keys: ServerKeys | None = None,
+) -> WorkerSummary | None:
+    """A live worker with its sockets: `frames` for those who watch, `control` for those who ask.
+
+    Raises PortInUseError, and OpenAddressError for an address that is not local unless there are keys.
+    """
+    with contextlib.ExitStack() as opened:
+        publisher = None if frames is None else LivePublisher(frames, keys)
+        if publisher is not None:
+            opened.callback(publisher.close)
+        context: zmq.Context[zmq.Socket[bytes]] = zmq.Context() if publisher is None else publisher.context
+        if publisher is None:
+            opened.callback(context.term)
+        worker = LiveWorker(reader, rendering, head_path, settings, stop, log, publisher)
+        requests = None if control is None else WorkerRequests(control, keys, worker.status, context)
+        if requests is not None:
+            opened.callback(requests.close)
+        log.info(
+            "ready",
+            frames=None if publisher is None else publisher.address,
+            control=None if requests is None else requests.address,
+        )
+        summary = worker.run(requests)
+    if settings.out is not None:
+        takes.finish(settings.out)
+    return summary

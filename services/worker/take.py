@@ -1,0 +1,116 @@
+"""A take, from the worker's side: begun and ended at any time, and ended by itself where the disk is full."""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Iterator
+from pathlib import Path
+
+import structlog
+
+from pipeline import FrameError
+from services.live.messages import LatencyMs
+from services.options import Save
+from services.results.finish import write_summary
+from services.results.frames import Results
+from services.results.moments import Begun, Moment, MomentsError
+from services.results.tally import Heard, WorkerSummary
+from services.settings import Settings
+from services.worker.rendering import Rendered
+
+UNWRITABLE = (OSError, FrameError, MomentsError)
+
+
+class WorkerTake:
+    """What is kept of a live session at present: nothing, or a take. Nothing is raised but by `begin`."""
+
+    def __init__(self, log: structlog.typing.FilteringBoundLogger) -> None:
+        self._log = log
+        self._results: Results | None = None
+        self._heard_before: Heard | None = None
+        self.start_ns = 0
+        self.folder: str | None = None
+        self.trouble: str | None = None
+        """Why the last take ended before it was asked to."""
+
+    def begin(self, folder: str, start_ns: int, begun: Begun, save: frozenset[Save], heard: Heard) -> None:
+        """Raises OSError, FrameError or MomentsError where nothing can be kept there."""
+        self._results = Results(Path(folder), begun, save, parts=True)
+        self.folder, self.start_ns, self.trouble, self._heard_before = folder, start_ns, None, heard
+        self._log.info("take begins", folder=folder)
+
+    @property
+    def runs(self) -> bool:
+        """Whether one is running."""
+        return self._results is not None
+
+    def perceive(self, perception: Settings) -> None:
+        """Settings change, from the next frame on."""
+        if self._results is not None:
+            with self._ended_by_trouble():
+                self._results.perceive(perception)
+
+    def add(self, rendered: Rendered, moment: Moment) -> None:
+        """Keeps a frame."""
+        if self._results is not None:
+            with self._ended_by_trouble():
+                self._results.add(rendered, moment)
+
+    def note(self, rendered: Rendered, latency: LatencyMs | None) -> None:
+        """Keeps its row."""
+        if self._results is not None:
+            with self._ended_by_trouble():
+                self._results.note(rendered, latency)
+
+    def check(self) -> None:
+        """Looks whether the files are still there; now and then."""
+        if self._results is not None:
+            with self._ended_by_trouble():
+                self._results.check()
+
+    def end(self, heard: Heard, warm_up_s: float | None) -> WorkerSummary | None:
+        """Makes all files whole; what is in them. None where nothing was kept or its last words cannot be written."""
+        results, self._results = self._results, None
+        if results is None:
+            return None
+        summary = results.summary(_since(self._heard_before, heard), warm_up_s)
+        try:
+            with results:
+                pass
+            write_summary(summary, results.folder)
+        except UNWRITABLE as error:
+            self._say(error)
+            return None
+        self._log.info("take ended", folder=self.folder, frames=summary.frames)
+        self.folder = None
+        return summary
+
+    @contextlib.contextmanager
+    def _ended_by_trouble(self) -> Iterator[None]:
+        try:
+            yield
+        except UNWRITABLE as error:
+            results, self._results = self._results, None
+            assert results is not None
+            with contextlib.suppress(*UNWRITABLE), results:
+                pass
+            self._say(error)
+
+    def _say(self, error: Exception) -> None:
+        why = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
+        self.trouble = f"the take in {self.folder} ended: {why}; what it had is kept; make room, then begin another"
+        self._log.error("take ended", folder=self.folder, trouble=self.trouble)
+        self.folder = None
+
+
+def _since(before: Heard | None, now: Heard) -> Heard:
+    if before is None:
+        return now
+    refused = {name: count - before.messages_refused.get(name, 0) for name, count in now.messages_refused.items()}
+    return Heard(
+        now.states_received - before.states_received,
+        now.states_skipped - before.states_skipped,
+        now.event_gaps - before.event_gaps,
+        now.events_lost - before.events_lost,
+        {name: count for name, count in refused.items() if count},
+    )
