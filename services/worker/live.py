@@ -141,7 +141,7 @@ class LiveWorker:
         checkpoint = None if self._keeper is None else self._keeper.read(self._job)
         self._log.info("preparing", scene=self._job.scene, resumed=checkpoint is not None)
         if checkpoint is None:
-            self._warm_up_s = self._rendering.warm_up(self._stop)
+            self._warm_up_s = round(self._rendering.warm_up(self._stop), 2)
         else:
             # What was compiled lies on the disk; what the next frame does not call for can wait.
             self._go_on_from(checkpoint)
@@ -150,7 +150,8 @@ class LiveWorker:
             self._reader.subscribe()
         elif (started := self._reader.wait_for_start(self._stop)) is not None:
             start_ns, end_ns = started.t_ns, started.t_end_ns
-        self._log.info("prepared", seconds=None if self._warm_up_s is None else round(self._warm_up_s, 2))
+        if checkpoint is None:
+            self._log.info("prepared", seconds=self._warm_up_s)
         return frames_known(self._settings.seconds, end_ns, start_ns or 0, self._job.fps)
 
     def _go_on_from(self, checkpoint: Checkpoint) -> None:
@@ -283,6 +284,9 @@ class LiveWorker:
 
     def _after_frame(self, frame: int, frames: int | None) -> None:
         if self._preparing:
+            if self._warm_up_s is None:
+                # Started anew: whatever the first frame calls for is loaded by now.
+                self._log.info("prepared", seconds=None)
             self._log.info("first frame", frame=frame, t_s=round(self._t_s, 3))
             self._preparing = False
         while len(self._recent) > 2 and self._recent[-1] - self._recent[0] > NS_PER_S:
