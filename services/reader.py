@@ -237,4 +237,6 @@ class StateReader:
 
     def close(self) -> None:
         """Closes all sockets."""
+        # Left to the context, a monitor that is told something meanwhile can hold up its end for ever.
+        self._states.disable_monitor()
         self._context.destroy(linger=0)

@@ -102,7 +102,6 @@ def test_a_bridge_outlives_a_tracker_that_comes_late_restarts_and_records(tmp_pa
     assert {state.clock_uncertainty_ns for state in ear.states[-100:]} != {None}
     ended = [json.loads(line) for line in (tmp_path / "bridge.log").read_text().splitlines()][-1]
     assert ended["event"] == "ended"
-    assert ended["late_samples"] < ended["states"] / 10
     kept = [sample for sample in open_source(str(recording)).samples() if isinstance(sample, PupilSample)]
     assert (kept[-1].t_ns - kept[0].t_ns) / 1e9 > 5.0
     ear.reader.close()
