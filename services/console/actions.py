@@ -134,9 +134,12 @@ class Actions:
     ) -> Replied:
         live = self._live
         async with self._changing:
+            addresses = self._running()
+            if addresses is not None:
+                await live.learn_settings(addresses)
             new = settings(live.settings)
             replied = _done("These settings are for the next session.")
-            if (addresses := self._running()) is not None:
+            if addresses is not None:
                 perceive = asked.Perceive(msgspec.to_builtins(new))
                 replied = await self._ask(addresses.worker, perceive, live.places.worker_keys)
             if replied.done:

@@ -24,10 +24,14 @@ from services.console.protocol import Process, Status
 from services.console.status import SILENT_S, BridgeSays, HostSays, Snapshot, Watched, WorkerSays, read
 from services.console.viewers import Viewers
 from services.live.addresses import Addresses
+from services.live.requests import GiveStatus
 from services.settings import Settings
 from tracker_bridge.access import ClientKeys
 
 TICK_S = 0.5
+SETTLED_S = 15.0
+"""Settings that were sent so long ago are in force, or never will be: what the worker says is right then. Engineering
+choice: a frame for which code is compiled takes ten seconds."""
 
 
 class Places(msgspec.Struct, frozen=True):
@@ -60,10 +64,14 @@ class Live:
         self._trouble: str | None = None
         self._take: tuple[str, float] | None = None
         """Its name, and when it was first seen."""
-        self._known_session: object = None
-        """Whose settings have been taken over."""
+        self._session: tuple[str, float] | None = None
+        """When it began by the host's word, and when it was first seen here."""
+        self._knows_settings = False
+        """Whether those here are the session's: its worker said so, or it was started here."""
         self._own_begins = False
-        """Whether the next session is one that was started here: its settings are known, and may have changed since."""
+        """Whether the next session is one that was started here: its settings may have changed since."""
+        self._used_s = 0.0
+        """When settings were last changed here."""
         self._loop: asyncio.AbstractEventLoop | None = None
 
     @property
@@ -153,22 +161,39 @@ class Live:
 
     def _take_over_settings(self) -> None:
         """Those of a session that somebody else started, or that was there before this server."""
-        host, worker = self.host, read(self._worker.data, WorkerSays)
-        session = host.started if host is not None else ("attached" if worker is not None else None)
-        if session is None or session == self._known_session:
+        host = self.host
+        began = host.started if host is not None else None if self.hosted else "before"
+        if began is None or (host is not None and not host.running):
             return
-        said = worker.settings if worker is not None and worker.settings is not None else None
-        if said is None and host is not None and host.choice is not None:
-            said = host.choice.get("settings")
-        self._known_session = session
-        if self._own_begins:
-            self._own_begins = False
+        if self._session is None or self._session[0] != began:
+            self._session = began, time.monotonic()
+            self._knows_settings, self._own_begins = self._own_begins, False
+            if not self._knows_settings and host is not None and host.choice is not None:
+                self._adopt(host.choice.get("settings"))
+        # What a worker said before may be of the session before.
+        if self._worker.heard_s > self._session[1]:
+            self._hear_worker(self._worker.data)
+
+    async def learn_settings(self, addresses: Addresses) -> None:
+        """Before they are changed: asks the worker if it has not said yet what is in force. Raises ControlError."""
+        self._take_over_settings()
+        if not self._knows_settings:
+            said = await self.asker.ask(addresses.worker, GiveStatus(), self.places.worker_keys)
+            self._hear_worker(said.data)
+
+    def _hear_worker(self, data: dict[str, Any] | None) -> None:
+        """Takes over the settings that it says are in force, but not while it may not have heard of newer ones."""
+        worker = read(data, WorkerSays)
+        if worker is None:
             return
+        if not self._knows_settings or (not worker.preparing and time.monotonic() - self._used_s > SETTLED_S):
+            self._adopt(worker.settings)
+        self._knows_settings = True
+
+    def _adopt(self, said: dict[str, Any] | None) -> None:
         with contextlib.suppress(msgspec.ValidationError):
-            if said:
-                settings = msgspec.convert(said, Settings)
-                if settings != self.settings:
-                    self.use(settings, None)
+            if said and (settings := msgspec.convert(said, Settings)) != self.settings:
+                self.use(settings, None)
 
     def begins(self, settings: Settings) -> None:
         """A session was started here, with these settings."""
@@ -178,7 +203,7 @@ class Live:
 
     def use(self, settings: Settings, observer: str | None) -> None:
         """These are in force now; all pages are told."""
-        self.settings, self.observer = settings, observer
+        self.settings, self.observer, self._used_s = settings, observer, time.monotonic()
         self.viewers.newest("settings", self.settings_message(None))
 
     def settings_message(self, because_of: int | None) -> bytes:

@@ -78,7 +78,7 @@ class WorkerSays(msgspec.Struct, frozen=True):
     preparing: bool = False
     trouble: str | None = None
     settings: dict[str, Any] | None = None
-    """Those in force, where it says them."""
+    """Those in force."""
 
 
 Says = TypeVar("Says", HostSays, BridgeSays, WorkerSays)

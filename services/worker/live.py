@@ -1,6 +1,6 @@
 """The pipeline process that keeps the clock: frames when they are due, for whoever watches, and into takes.
 
-Theory of operation: one loop, and a thread that listens (worker_requests.py). Frame k is due at zero_ns + k/fps of the
+Theory of operation: one loop, and a thread that listens (requests.py). Frame k is due at zero_ns + k/fps of the
 machine's monotonic clock; those whose time has passed are left out. A worker that is started anew reads what the last
 one remembered (checkpoint.py) and goes on with the frame that is due now: to the eyes it was one long frame.
 """
@@ -14,6 +14,7 @@ import time
 from pathlib import Path
 from typing import Any
 
+import msgspec
 import structlog
 import zmq
 
@@ -107,6 +108,7 @@ class LiveWorker:
             "take": self._take.folder,
             "trouble": self._trouble(),
             "viewers": 0 if self._publisher is None else self._publisher.viewers,
+            "settings": msgspec.to_builtins(self._rendering.perception, order="deterministic"),
         }
 
     def _trouble(self) -> str | None:

@@ -7,16 +7,20 @@ import sys
 import time
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
+import msgspec
 import pytest
 from console_session import PATIENCE_S, MadeUpSession, Served, Visitor, wait_for
 from PIL import Image
 from websockets.sync.client import connect
 
+from services.console import live
+from services.console.fields import changed
 from services.console.live import Places
 from services.live import requests as asked
 from services.live.messages import DISPLAYED, PERCEIVED
-from services.settings import load
+from services.settings import Settings, load
 from tracker_bridge.wire import Phase
 
 
@@ -205,6 +209,41 @@ def test_it_follows_a_session_that_begins_later(hosted: Served, session: MadeUpS
         page.until("settings", lambda message: message["settings"]["observer"]["age_years"] == 77)
         page.until("traces", lambda message: message["t_s"])
         page.until("shown")
+
+
+def settings_of(age_years: float, particles: int) -> dict[str, Any]:
+    changes = {"observer.age_years": age_years, "observer.particles": particles}
+    return msgspec.to_builtins(changed(Settings(), changes), order="deterministic")  # type: ignore[no-any-return]
+
+
+def test_a_server_started_in_mid_session_takes_the_settings_in_force_and_not_the_first_ones(
+    serve: Callable[..., Served], session: MadeUpSession
+) -> None:
+    session.host_data["choice"] = {"settings": settings_of(40.0, 100)}
+    session.worker_data["settings"] = settings_of(66.0, 1500)
+    # A slider that is moved before anybody has said anything changes that one setting alone.
+    with serve(Places(session.host)).page() as page:
+        page.until("status", lambda message: message["running"])
+        assert page.ask("perceive", changes={"observer.age_years": 67})["done"]
+        assert session.asked[-1].settings["observer"] == settings_of(67.0, 1500)["observer"]
+        session.worker_data["settings"] = session.asked[-1].settings
+    with serve(Places(session.host)).page() as page:
+        page.until("settings", lambda message: message["settings"]["observer"]["age_years"] == 67)
+        assert page.ask("perceive", changes={"glare.level": "veil"})["done"]
+        told = page.until("settings", lambda message: message["because_of"] is not None)["settings"]
+        assert (told["observer"]["particles"], told["glare"]["level"]) == (1500, "veil")
+
+
+def test_settings_that_the_worker_took_back_are_shown_as_it_has_them(
+    attached: Served, session: MadeUpSession, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(live, "SETTLED_S", 1.0)
+    session.worker_data["settings"] = settings_of(50.0, 100)
+    with attached.page() as page:
+        page.until("settings", lambda message: message["settings"]["observer"]["age_years"] == 50)
+        assert page.ask("perceive", changes={"observer.particles": 4000})["done"]
+        page.until("settings", lambda message: message["settings"]["observer"]["particles"] == 4000)
+        page.until("settings", lambda message: message["settings"]["observer"]["particles"] == 100)
 
 
 @pytest.mark.parametrize("how", ["signal", "standard input"])
