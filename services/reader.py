@@ -236,7 +236,8 @@ class StateReader:
                 self._saccades.append(event)
 
     def close(self) -> None:
-        """Closes all sockets."""
-        # Left to the context, a monitor that is told something meanwhile can hold up its end for ever.
-        self._states.disable_monitor()
+        """Closes all sockets; once more does no harm."""
+        if not self._states.closed:
+            # Left to the context, a monitor that is told something meanwhile can hold up its end for ever.
+            self._states.disable_monitor()
         self._context.destroy(linger=0)
