@@ -89,7 +89,7 @@ def console_server(
         finally:
             server.close()
         if not stop():
-            raise ConsoleError("the console's server ended by itself: see the log above")
+            raise ConsoleError(f"the console's server ended by itself: {server.trouble or 'see the log above'}")
         log.info("ended")
         if child:
             # All is closed; to take the interpreter apart, with all that it has loaded, may take longer than a second.

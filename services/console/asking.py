@@ -22,11 +22,12 @@ class Asker:
         self, address: str, request: msgspec.Struct, keys: ClientKeys | None = None, patience_ms: int = PATIENCE_MS
     ) -> Reply:
         """The answer, be it a refusal. Raises ControlError where none comes."""
-        socket = self._context.socket(zmq.REQ)
-        socket.setsockopt(zmq.LINGER, 0)
-        if keys is not None:
-            keys.use(cast(Any, socket))  # of the same options, though not of the same type
+        socket = None
         try:
+            socket = self._context.socket(zmq.REQ)
+            socket.setsockopt(zmq.LINGER, 0)
+            if keys is not None:
+                keys.use(cast(Any, socket))  # of the same options, though not of the same type
             socket.connect(address)
             await socket.send(msgspec.msgpack.encode(request))
             if not await socket.poll(patience_ms):
@@ -37,7 +38,8 @@ class Asker:
         except (msgspec.DecodeError, UnicodeDecodeError) as error:
             raise ControlError(f"{address} is none of ours: {error}") from None
         finally:
-            socket.close()
+            if socket is not None:
+                socket.close()
 
     def close(self) -> None:
         """Asks no more."""

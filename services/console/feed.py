@@ -33,8 +33,9 @@ MAX_STATES = 20
 """In a batch: of trackers above 500 Hz every second or third is shown."""
 KEPT_S = 10.0
 """Of traces and marks, for pages that come later."""
-AWAY_S = 5.0
-"""Times that are so far from now are of another machine's clock: from then on the newest one is taken for now."""
+AWAY_S, AHEAD_S = 5.0, 0.5
+"""Times so long ago, or so far ahead, are of another machine's clock, or what was taken for now had waited: from then
+on the newest one is taken for now."""
 
 Hear = Callable[[list[bytes]], None]
 
@@ -48,7 +49,7 @@ class Timeline:
     def t_s(self, t_ns: int, now_s: float) -> float:
         """`now_s` is the server's monotonic clock."""
         t_s = t_ns / NS_PER_S + self._off_s
-        if abs(t_s - now_s) > AWAY_S:
+        if not now_s - AWAY_S <= t_s <= now_s + AHEAD_S:
             self._off_s += now_s - t_s
             t_s = now_s
         return round(t_s - self._zero_s, 4)
@@ -87,7 +88,9 @@ class Feed:
         self._events.socket.setsockopt(zmq.SUBSCRIBE, b"")
         self._read_state = wire.Reader(wire.decode_state)
         self._eyes, self._frames = Timeline(zero_s), Timeline(zero_s)
-        self._thread = threading.Thread(target=self._run, name="feed", daemon=True)
+        self.error: Exception | None = None
+        """What ended the thread before its time."""
+        self._thread = threading.Thread(target=self._try_to_run, name="feed", daemon=True)
         self._thread.start()
 
     def _subscribe(self, address: str, topic: bytes, keys: ClientKeys | None) -> zmq.Socket[bytes]:
@@ -112,6 +115,12 @@ class Feed:
         self._thread.join()
         self._context.destroy(linger=0)
 
+    def _try_to_run(self) -> None:
+        try:
+            self._run()
+        except Exception as error:
+            self.error = error
+
     def _run(self) -> None:
         due_s = time.monotonic()
         while not self._stop.wait(max(due_s - time.monotonic(), 0.0)):
@@ -124,7 +133,11 @@ class Feed:
             kept = [protocol.encode(self._traces(states, now_s))]
             if events := self._events.read():
                 marks = [mark for event in events if (mark := mark_of(event, self._eyes))]
-                kept.append(protocol.encode(Marks(marks)))
+                # A feed that begins is told all that ever happened: what is long ago is no news, and would crowd the
+                # rest out of a page's queue.
+                since_s = now_s - self._zero_s - KEPT_S
+                if marks := [mark for mark in marks if mark.t_s >= since_s]:
+                    kept.append(protocol.encode(Marks(marks)))
             with self._lock:
                 if states or events:
                     self._kept.extend((now_s, message) for message in kept)

@@ -55,10 +55,10 @@ def _tomls(folder: Path, *, full: bool = False) -> Iterator[Listed]:
 
 def _scenes(inputs: Path | None) -> Iterator[Listed]:
     yield Listed(NIGHT_STREET, "Street at night")
-    for path in _below(inputs):
+    for label, path in _below(inputs):
         has_pictures = path.is_dir() and any(one.suffix.lower() in _PICTURES for one in _in(path))
         if has_pictures or path.suffix.lower() in _PICTURES:
-            yield Listed(str(path), _label(path, inputs), _when(path))
+            yield Listed(str(path), label, _when(path))
 
 
 def _sources(inputs: Path | None, root: Path) -> Iterator[Listed]:
@@ -66,9 +66,9 @@ def _sources(inputs: Path | None, root: Path) -> Iterator[Listed]:
     yield Listed("capture", "Pupil Capture")
     yield Listed("usb", "USB eye tracker")
     yield Listed("usb-simulated:simulated", "Simulated USB eye tracker")
-    for path in _below(inputs):
+    for label, path in _below(inputs):
         if _is_recording(path) or (path.is_file() and path.suffix.lower() in _TABLES):
-            yield Listed(str(path), _label(path, inputs), _when(path))
+            yield Listed(str(path), label, _when(path))
     for take in sorted(_in(root), reverse=True):
         if _is_recording(take / "eyes"):
             yield Listed(str((take / "eyes").resolve()), f"Eyes of session {take.name}", _when(take))
@@ -93,24 +93,34 @@ def _is_recording(path: Path) -> bool:
     return path.is_dir() and any((path / name).exists() for name in _PUPIL_FILES)
 
 
-def _below(folder: Path | None) -> Iterator[Path]:
-    """All that lies in a folder or in its folders."""
-    if folder is not None:
-        for path in _in(folder):
-            yield path.resolve()
-            if path.is_dir():
-                yield from (one.resolve() for one in _in(path))
+def _below(folder: Path | None) -> Iterator[tuple[str, Path]]:
+    """All that lies in a folder or in its folders, each with its name below it; what a link leads out to is not."""
+    if folder is None:
+        return
+    inside = folder.resolve()
+    for path in (one for each in _in(folder) for one in (each, *(_in(each) if each.is_dir() else ()))):
+        try:
+            real = path.resolve()
+        except (OSError, RuntimeError):  # a link that leads to itself
+            continue
+        if real.is_relative_to(inside) and _can_be_told(real):
+            yield str(path.relative_to(folder)), real
 
 
 def _in(folder: Path) -> list[Path]:
     try:
-        return sorted(path for path in folder.iterdir() if not path.name.startswith("."))
+        return sorted(path for path in folder.iterdir() if not path.name.startswith(".") and _can_be_told(path))
     except OSError:
         return []
 
 
-def _label(path: Path, inputs: Path | None) -> str:
-    return str(path.relative_to(inputs.resolve())) if inputs is not None else path.name
+def _can_be_told(path: Path) -> bool:
+    """Whether a name is text: a file system takes any bytes."""
+    try:
+        str(path).encode()
+    except UnicodeEncodeError:
+        return False
+    return True
 
 
 def _when(path: Path) -> str | None:

@@ -45,6 +45,8 @@ class Pictures:
         """Raises zmq.ZMQError for an address that is none."""
         self._wanted, self._hear, self._peak_cd_m2 = wanted, hear, peak_cd_m2
         self._stop = threading.Event()
+        self.error: Exception | None = None
+        """What ended the thread before its time."""
         self._context: zmq.Context[zmq.Socket[bytes]] = zmq.Context()
         self._streams = {}
         try:
@@ -61,7 +63,7 @@ class Pictures:
         except zmq.ZMQError:
             self._context.destroy(linger=0)
             raise
-        self._thread = threading.Thread(target=self._run, name="pictures", daemon=True)
+        self._thread = threading.Thread(target=self._try_to_run, name="pictures", daemon=True)
         self._thread.start()
 
     def close(self) -> None:
@@ -69,6 +71,12 @@ class Pictures:
         self._stop.set()
         self._thread.join()
         self._context.destroy(linger=0)
+
+    def _try_to_run(self) -> None:
+        try:
+            self._run()
+        except Exception as error:
+            self.error = error
 
     def _run(self) -> None:
         poller = zmq.Poller()

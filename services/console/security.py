@@ -21,6 +21,8 @@ from starlette.responses import PlainTextResponse, RedirectResponse
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 from starlette.websockets import WebSocketClose
 
+from services.origin import is_own_origin
+
 LOOPBACK_NAMES: Final = ("localhost",)
 MAX_BODY_BYTES: Final = 65_536
 REFUSED: Final = 1008
@@ -86,15 +88,6 @@ class Rules(msgspec.Struct, frozen=True):
 def new_token() -> str:
     """256 bits by lot."""
     return secrets.token_urlsafe(32)
-
-
-def is_own_origin(headers: Headers) -> bool:
-    """Whether a request comes from a page of the host that it asks."""
-    origin = headers.get("origin")
-    if not origin:
-        return False
-    parts = urlsplit(origin)
-    return parts.scheme in ("http", "https") and parts.netloc.lower() == headers.get("host", "").lower()
 
 
 class Door:

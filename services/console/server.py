@@ -8,11 +8,13 @@ import importlib.metadata
 import socket as sockets
 import threading
 import time
+import traceback
 from collections.abc import AsyncIterator, Callable
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import cast
 
+import structlog
 import uvicorn
 from starlette.applications import Starlette
 from starlette.exceptions import HTTPException
@@ -61,10 +63,25 @@ class Console:
         self.folders = folders
         self.screens = Screens(self._where, places.bridge_keys)
         self.actions = Actions(self.live, folders, self.pool, self.screens)
+        self.trouble: str | None = None
+        """What ended all that pages are fed by; it is logged, and the server ends."""
 
     def _where(self) -> tuple[str, str] | None:
         addresses = self.live.addresses
         return None if addresses is None else (addresses.screens, addresses.answers)
+
+    async def run(self) -> None:
+        """Feeds the pages until cancelled, or until something goes wrong."""
+        try:
+            await self.live.run()
+        except Exception as error:
+            first = error
+            while isinstance(first, ExceptionGroup):
+                first = first.exceptions[0]
+            self.trouble = str(first) or type(first).__name__
+            structlog.get_logger().error(
+                "console broken", error=self.trouble, traceback="".join(traceback.format_exception(error))
+            )
 
     async def welcome(self, page: Page) -> None:
         """What a page is sent first."""
@@ -108,7 +125,11 @@ class Console:
                 replied = await self.actions.do(requests.decode_request(said or message.get("bytes") or b""), page)
             except RequestError as error:
                 replied = Replied(error.re, False, str(error))
-            page.queue([protocol.encode(replied)])
+            try:
+                said_back = protocol.encode(replied)
+            except (TypeError, ValueError) as error:  # a file's name that is no text
+                said_back = protocol.encode(Replied(replied.re, False, f"The answer cannot be told: {error}."))
+            page.queue([said_back])
             await asyncio.sleep(REQUEST_S)
 
 
@@ -124,18 +145,20 @@ class _Sessions(StaticFiles):
         return super().lookup_path(path)
 
 
-def app(console: Console, rules: Rules) -> Starlette:
-    """The application, with its door."""
+def app(console: Console, rules: Rules, on_trouble: Callable[[], None]) -> Starlette:
+    """The application, with its door; `on_trouble` is called when nothing feeds the pages any more."""
 
     async def index(request: Request) -> Response:
         return FileResponse(PAGE / "index.html")
 
     async def health(request: Request) -> Response:
-        return JSONResponse({"ok": True})
+        ok = console.trouble is None
+        return JSONResponse({"ok": ok}, 200 if ok else 503)
 
     @contextlib.asynccontextmanager
     async def lifespan(app: Starlette) -> AsyncIterator[None]:
-        running = asyncio.create_task(console.live.run())
+        running = asyncio.create_task(console.run())
+        running.add_done_callback(lambda _: None if console.trouble is None else on_trouble())
         yield
         running.cancel()
         await asyncio.gather(running, return_exceptions=True)
@@ -175,7 +198,7 @@ class Server:
         self._socket = _listen(host, port)
         self.port = int(self._socket.getsockname()[1])
         config = uvicorn.Config(
-            app(console, rules(self.port)),
+            app(console, rules(self.port), self._give_up),
             http="h11",
             ws=_Protocol,
             ws_max_size=MAX_REQUEST_BYTES,
@@ -199,6 +222,14 @@ class Server:
             await self._server.serve([self._socket])
 
         asyncio.run(serve())
+
+    @property
+    def trouble(self) -> str | None:
+        """Why it ended by itself, where that is known."""
+        return self._console.trouble
+
+    def _give_up(self) -> None:
+        self._server.should_exit = True
 
     @property
     def lives(self) -> bool:

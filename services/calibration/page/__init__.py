@@ -16,7 +16,6 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import Final
-from urllib.parse import urlsplit
 
 import msgspec
 import uvicorn
@@ -25,12 +24,13 @@ import zmq.asyncio
 from starlette.applications import Starlette
 from starlette.middleware import Middleware
 from starlette.middleware.trustedhost import TrustedHostMiddleware
-from starlette.requests import HTTPConnection, Request
+from starlette.requests import Request
 from starlette.responses import FileResponse
 from starlette.routing import BaseRoute, Route, WebSocketRoute
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
 from services.calibration.display import MAX_ANSWER_BYTES
+from services.origin import is_own_origin
 from tracker_bridge.access import ClientKeys
 from tracker_bridge.publisher import PortInUseError
 
@@ -52,11 +52,6 @@ Where = Callable[[], tuple[str, str] | None]
 """Where a calibration asks for screens and where it takes answers; None while there is none to connect to."""
 
 
-def is_from_here(connection: HTTPConnection) -> bool:
-    """Whether a page of this very server asks: a browser lets any page connect to this machine, but tells whose."""
-    return urlsplit(connection.headers.get("origin", "")).netloc == connection.headers.get("host")
-
-
 class Screens:
     """The page and the way from it to a calibration's sockets; all its methods are for one event loop."""
 
@@ -71,11 +66,6 @@ class Screens:
         """For the root of a server, or below a prefix that ends in /: all that the page asks for is relative."""
         return [*(Route(path, _file(name)) for path, name in _FILES.items()), WebSocketRoute("/display", self._display)]
 
-    @property
-    def is_open(self) -> bool:
-        """Whether a page is connected."""
-        return self._answers is not None
-
     async def start(self) -> bool:
         """Starts the calibration that was begun, or goes on after a pause, as the page's button; not without a page."""
         if self._answers is None:
@@ -86,7 +76,7 @@ class Screens:
     async def _display(self, page: WebSocket) -> None:
         await page.accept()
         place = self._where()
-        if not is_from_here(page):
+        if not is_own_origin(page.headers):
             await page.close(_REFUSED, "Only the calibration's own page may connect.")
         elif place is None:
             await page.close(_LATER, "No session runs yet: start one in the console.")

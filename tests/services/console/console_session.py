@@ -158,9 +158,9 @@ class Served:
     """A console on a real port."""
 
     def __init__(self, folder: Path, places: Places, token: str | None = None, hosts: tuple[str, ...] = ()) -> None:
-        self.root, self.observers = folder / "sessions", folder / "observers"
+        self.root, self.observers, self.inputs = (folder / name for name in ("sessions", "observers", "inputs"))
         self.root.mkdir(exist_ok=True)
-        self.console = Console(places, Folders(self.root, self.observers, None))
+        self.console = Console(places, Folders(self.root, self.observers, self.inputs))
         self.server = Server(self.console, lambda port: Rules(token, hosts, port), "127.0.0.1", 0)
         self.at = f"127.0.0.1:{self.server.port}"
         wait_for(lambda: self.server._server.started, "the server")

@@ -81,14 +81,19 @@ def test_this_machine_has_several_names(console: Served, name: str) -> None:
 
 
 @pytest.mark.parametrize(
-    "origin", ["http://evil.example", "null", "", "http://127.0.0.1", "http://127.0.0.1:1", "http://localhost:{port}"]
-)
+    "origin",
+    [
+        "http://evil.example", "null", "", "http://127.0.0.1", "http://127.0.0.1:1", "http://localhost:{port}",
+        "http://[x", "http://", "ftp://127.0.0.1:{port}",
+    ],
+)  # fmt: skip
 def test_a_foreign_page_gets_no_socket(console: Served, origin: str) -> None:
     assert refused(console, Origin=origin.format(port=console.server.port)) == 403
 
 
 def test_a_foreign_page_changes_and_reads_nothing(console: Served) -> None:
-    assert get(console, "/health", Origin="http://evil.example")[0] == 403
+    for origin in ("http://evil.example", "http://[x"):
+        assert get(console, "/health", Origin=origin)[0] == 403
     for method in ("POST", "PUT", "DELETE", "PATCH", "OPTIONS"):
         assert get(console, "/", method, Content_Length="0")[0] == 405
     with (
