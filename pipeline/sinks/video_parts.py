@@ -22,7 +22,7 @@ from pipeline.sinks.video import Encoder
 from pipeline.sinks.whole_file import WholeFile
 
 _BEGINS = "begins at "
-"""What a part says of itself, and then of how many seconds, as a fraction."""
+"""What a part says of itself, and then at how many seconds, as a fraction; a film of parts what its first one said."""
 
 
 class Part:
@@ -73,7 +73,8 @@ class Part:
 
 
 def join(parts: list[Path], out: Path) -> tuple[tuple[Path, str], ...]:
-    """One film of all parts, with the gaps between them; returns those that are not in it, and why not.
+    """One film of all parts, with the gaps between them; returns those that are not in it, and why not. It begins
+    where the first of them does (`begins_s`).
 
     A part that its writer left torn counts up to its last whole frame, one that holds no frame not at all. Raises
     FrameError if the film cannot be written or there is no frame in any part.
@@ -129,7 +130,7 @@ def _append(joined: _Joined, path: Path) -> str | None:
         if not part.streams.video:
             return f"{path.name} holds no whole frame."
         source = part.streams.video[0]
-        begins_s = _begins_s(part)
+        begins_s = _said_to_begin(part)
         assert source.time_base is not None
         form = (source.codec_context.name, source.codec_context.extradata, source.time_base)
         if joined.stream is not None and form != joined.form:
@@ -140,6 +141,7 @@ def _append(joined: _Joined, path: Path) -> str | None:
                 if packet.dts is None or packet.pts is None or packet.is_corrupt:
                     continue
                 if joined.stream is None:
+                    joined.container.metadata["comment"] = f"{_BEGINS}{begins_s}"
                     joined.stream = joined.container.add_stream_from_template(source)
                     joined.stream.time_base = source.time_base
                     joined.form, joined.begins_s = form, begins_s
@@ -155,6 +157,18 @@ def _append(joined: _Joined, path: Path) -> str | None:
     return None if count else f"{path.name} holds no whole frame."
 
 
-def _begins_s(part: InputContainer) -> Fraction:
-    found = re.fullmatch(re.escape(_BEGINS) + r"(\d+(?:/[1-9]\d*)?)", part.metadata.get("comment", ""))
+def begins_s(path: Path) -> float | None:
+    """When the first frame of a part, or of a film of parts, is due; 0 where it does not say, None where it holds no
+    whole frame."""
+    try:
+        with av.open(str(path), "r", format="mp4") as film:
+            if any(packet.pts is not None and not packet.is_corrupt for packet in film.demux(video=0)):
+                return float(_said_to_begin(film))
+    except (OSError, ValueError, IndexError):  # av's errors are OSErrors or ValueErrors; without a stream IndexError
+        pass
+    return None
+
+
+def _said_to_begin(film: InputContainer) -> Fraction:
+    found = re.fullmatch(re.escape(_BEGINS) + r"(\d+(?:/[1-9]\d*)?)", film.metadata.get("comment", ""))
     return Fraction(found[1]) if found else Fraction(0)

@@ -15,6 +15,7 @@ import numpy as np
 from pipeline.plan import OFF, SKIPPED, Effect
 from services.report import latency
 from services.report.plots import PLOTS, Subject, Table, numbers, svg
+from services.results.whole import write_whole
 
 MOST_PAIRS = 12
 """On the page; all of them lie in the folder."""
@@ -44,9 +45,7 @@ def write(folder: Path) -> None:
         plots=[(title, svg(draw(subject))) for title, draw, needs in PLOTS if subject.has(needs)],
         again=(folder / "moments.msgpack").exists(),
     )
-    new = folder / ".report.html.new"
-    new.write_text(page, encoding="utf-8")
-    new.replace(folder / "report.html")
+    write_whole(folder / "report.html", page.encode())
 
 
 def _pairs(folder: Path) -> list[dict[str, Any]]:

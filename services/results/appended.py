@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import contextlib
+import csv
+import io
 import os
+from collections.abc import Sequence
 from pathlib import Path
 from types import TracebackType
 
@@ -57,3 +60,22 @@ class Appended:
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         self.close()
+
+
+def row(cells: Sequence[object]) -> bytes:
+    """A table's row, as one record."""
+    text = io.StringIO(newline="")
+    csv.writer(text).writerow(cells)
+    return text.getvalue().encode()
+
+
+def whole_rows(path: Path) -> int:
+    """Bytes of a table up to the end of its last whole row; 0 where there is none."""
+    try:
+        with path.open("rb") as file:
+            size = file.seek(0, os.SEEK_END)
+            reach = min(size, 65_536)  # no row is nearly as long
+            file.seek(size - reach)
+            return size - reach + file.read(reach).rfind(b"\n") + 1
+    except FileNotFoundError:
+        return 0

@@ -8,42 +8,69 @@ from typing import Any
 import msgspec
 
 from pipeline.frame import FrameError
-from pipeline.sinks.video_parts import join
+from pipeline.sinks.video_parts import begins_s, join
 from services.results.frames import film_parts
 from services.results.moments import FILE as MOMENTS
 from services.results.moments import Moment, Moments, MomentsError, Perceive, Resumed
 from services.results.tally import PLAN, Tally, WorkerSummary
+from services.results.whole import BRIDGE, WORKER, write_json
 
 FILM = "perceived.mp4"
-SUMMARY, BRIDGE = "worker.json", "bridge.json"
+APART = "perceived_apart-"
+"""What a part that does not fit into the film is called then, with its number."""
 
 
 def write_summary(summary: WorkerSummary, folder: Path) -> None:
     """Writes what a worker did into its folder, whole or not at all. Raises OSError."""
-    new = folder / f".{SUMMARY}.new"
-    new.write_bytes(msgspec.json.format(msgspec.json.encode(summary), indent=2) + b"\n")
-    new.replace(folder / SUMMARY)
+    write_json(folder / WORKER, summary)
 
 
 def finish(folder: Path) -> dict[str, Any]:
-    """Makes a take's folder whole, and says what a summary needs of its frames; raises nothing.
+    """Makes a take's folder whole, and says what a summary needs of its frames; raises nothing. It can be done again.
 
-    worker: what the worker did (WorkerSummary), from the tables where its own last word is missing
+    worker: what the worker did (WorkerSummary), from the tables where its own last word is missing; its frames are
+        those of the moments, which are written before a frame's row
     bridge: what the bridge said at its end, None where that is missing
+    perception: settings of the first frame; missing where it cannot be read
     film: name of the film, None without one
+    film_begins_s: when its first frame was due, in the tables' time
     settings_changed_s: when settings changed, in the tables' time
     restarted_s: when a worker that was started anew rendered its first frame
     folder_notes: what could not be had, a sentence each
     """
     notes: list[str] = []
     film = _join(folder, notes)
-    changed_s: list[float] = []
-    restarted_s: list[float] = []
-    digest = ""
-    fps = 1.0
+    done: dict[str, Any] = {
+        "film": film,
+        "film_begins_s": None if film is None else begins_s(folder / FILM),
+        "bridge": _bridge(folder, notes),
+    }
+    seen = None
     try:
         moments = Moments(folder / MOMENTS)
-        fps, zero_s, resumed = moments.begun.fps, moments.begun.zero_s, False
+        seen = _Seen(moments)
+        done["perception"] = msgspec.to_builtins(moments.begun.perception)
+        notes += [] if moments.note is None else [moments.note]
+    except MomentsError as error:
+        notes.append(f"{error}.")
+    return {
+        **done,
+        "worker": msgspec.to_builtins(_worker(folder, seen, notes)),
+        "settings_changed_s": [] if seen is None else [round(t_s, 3) for t_s in seen.changed_s],
+        "restarted_s": [] if seen is None else [round(t_s, 3) for t_s in seen.restarted_s],
+        "folder_notes": notes,
+    }
+
+
+class _Seen:
+    """What all moments of a take come to; times are the tables'. Raises MomentsError."""
+
+    def __init__(self, moments: Moments) -> None:
+        self.fps, self.frames, self.sha256 = moments.begun.fps, 0, ""
+        self.changed_s: list[float] = []
+        self.restarted_s: list[float] = []
+        first_s = last_s = 0.0
+        zero_s, resumed = moments.begun.zero_s, False
         shown = present = moments.begun.perception
         for record in moments:
             match record:
@@ -52,37 +79,42 @@ def finish(folder: Path) -> dict[str, Any]:
                 case Resumed():
                     zero_s, present, resumed = record.zero_s, record.perception, True
                 case Moment():
-                    changed_s += [record.t_s - zero_s] if present != shown else []
-                    restarted_s += [record.t_s - zero_s] if resumed else []
+                    last_s = record.t_s - zero_s
+                    first_s = last_s if not self.frames else first_s
+                    self.changed_s += [last_s] if present != shown else []
+                    self.restarted_s += [last_s] if resumed else []
                     shown, resumed = present, False
-                    digest = record.sha256.hex()
-        notes += [] if moments.note is None else [moments.note]
-    except MomentsError as error:
-        notes.append(f"{error}.")
-    return {
-        "worker": msgspec.to_builtins(_worker(folder, fps, digest, notes)),
-        "bridge": _bridge(folder, notes),
-        "film": film,
-        "settings_changed_s": [round(t_s, 3) for t_s in changed_s],
-        "restarted_s": [round(t_s, 3) for t_s in restarted_s],
-        "folder_notes": notes,
-    }
+                    self.frames += 1
+                    self.sha256 = record.sha256.hex()
+        due = round((last_s - first_s) * self.fps) + 1 if self.frames else 0
+        self.dropped = max(due - self.frames, 0)
 
 
 def _join(folder: Path, notes: list[str]) -> str | None:
-    """One film of all parts, which then go, but for those that do not fit in."""
+    """One film of all parts, which then go; those that do not fit in get names of their own.
+
+    A film that is there was whole before a part of it went, so that nothing is ever joined over it.
+    """
+    film = folder / FILM
     parts = film_parts(folder)
-    if parts:
+    if parts and film.exists():
+        names = ", ".join(part.name for part in parts)
+        notes.append(f"{names} was left as it is, since {FILM} was there already: it may hold the same frames.")
+    elif parts:
         try:
-            left_over = join(parts, folder / FILM)
-            notes += [note for _, note in left_over]
-            apart = {path for path, _ in left_over}
+            apart = {path for path, _ in join(parts, film)}
             for part in parts:
-                if part not in apart:
+                if part in apart:
+                    part.rename(folder / f"{APART}{part.stem.rpartition('-')[2]}{part.suffix}")
+                else:
                     part.unlink(missing_ok=True)
         except (FrameError, OSError) as error:
             notes.append(f"The film stays in parts: {error}.")
-    return FILM if (folder / FILM).exists() else None
+    for part in sorted(folder.glob(f"{APART}*")):
+        at_s = begins_s(part)
+        holds = "holds no whole frame" if at_s is None else f"begins at {at_s:.1f} s and is of another form"
+        notes.append(f"{part.name} is not in the film: it {holds}.")
+    return FILM if film.exists() else None
 
 
 def _bridge(folder: Path, notes: list[str]) -> dict[str, Any] | None:
@@ -93,16 +125,24 @@ def _bridge(folder: Path, notes: list[str]) -> dict[str, Any] | None:
         return None
 
 
-def _worker(folder: Path, fps: float, digest: str, notes: list[str]) -> WorkerSummary:
+def _worker(folder: Path, seen: _Seen | None, notes: list[str]) -> WorkerSummary:
+    found = _last_word(folder, seen, notes)
+    if seen is None:
+        return found
+    return msgspec.structs.replace(found, frames=seen.frames, dropped_frames=seen.dropped)
+
+
+def _last_word(folder: Path, seen: _Seen | None, notes: list[str]) -> WorkerSummary:
     try:
-        return msgspec.json.decode((folder / SUMMARY).read_bytes(), type=WorkerSummary)
+        return msgspec.json.decode((folder / WORKER).read_bytes(), type=WorkerSummary)
     except FileNotFoundError:
         notes.append("The worker's last word is missing: figures are those of its tables.")
     except (OSError, msgspec.DecodeError, UnicodeDecodeError) as error:
-        notes.append(f"{SUMMARY} cannot be read ({error}): figures are those of the tables.")
+        notes.append(f"{WORKER} cannot be read ({error}): figures are those of the tables.")
+    fps, sha256 = (1.0, "") if seen is None else (seen.fps, seen.sha256)
     try:
         tally = Tally.read(folder / PLAN, fps)
     except (OSError, UnicodeDecodeError) as error:
         notes.append(f"{PLAN} cannot be read: {error}.")
         tally = Tally(fps)
-    return tally.summary(None, digest, None)
+    return tally.summary(None, sha256, None)

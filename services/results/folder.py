@@ -8,7 +8,9 @@ from collections.abc import Iterator
 from pathlib import Path
 
 LIST = ".entoptic"
-"""Names what was written, so that only that is ever replaced."""
+"""Names what was written, so that only that is ever replaced; empty while a folder is being written."""
+NEW = ".new"
+"""Of a folder's name while it is being written. A live take has another one: it is never removed."""
 
 
 class ResultsFolderError(Exception):
@@ -19,24 +21,27 @@ class ResultsFolderError(Exception):
 def results_folder(out: Path) -> Iterator[Path]:
     """A folder to write into that becomes `out` when all is well and vanishes when not.
 
-    An `out` that holds nothing but what was written here before is replaced. Raises ResultsFolderError if it holds
-    anything else or cannot be written.
+    An `out` that holds nothing but what was written here before is replaced, and so is what a killed process left
+    beside it. Raises ResultsFolderError if it holds anything else or cannot be written.
     """
     out = out.resolve()
     refuse_foreign(out)
-    partial = out.with_name(out.name + ".partial")
-    shutil.rmtree(partial, ignore_errors=True)
+    new = out.with_name(out.name + NEW)
+    if new.exists() and not (new / LIST).exists():
+        raise ResultsFolderError(f"{new} is in the way and was not written here: move it away, or choose another --out")
+    shutil.rmtree(new, ignore_errors=True)
     try:
-        partial.mkdir(parents=True)
+        new.mkdir(parents=True)
+        (new / LIST).touch()
     except OSError as error:
-        raise ResultsFolderError(f"cannot make {partial}: {error.strerror}; choose another --out") from None
+        raise ResultsFolderError(f"cannot make {new}: {error.strerror}; choose another --out") from None
     try:
-        yield partial
-        keep(partial, out)
+        yield new
+        keep(new, out)
     except OSError as error:
         raise ResultsFolderError(f"{out} cannot be written: {error.strerror or error}; choose another --out") from None
     finally:
-        shutil.rmtree(partial, ignore_errors=True)
+        shutil.rmtree(new, ignore_errors=True)
 
 
 def refuse_foreign(out: Path) -> None:
@@ -47,13 +52,13 @@ def refuse_foreign(out: Path) -> None:
         )
 
 
-def keep(partial: Path, out: Path) -> None:
-    """Gives a folder its final name, in place of what had it. Raises OSError."""
-    names = sorted({path.name for path in partial.iterdir()} - {LIST})
-    (partial / LIST).write_text("\n".join(names), encoding="utf-8")
+def keep(written: Path, out: Path, *to_come: str) -> None:
+    """Gives a folder its final name, in place of what had it; files `to_come` are ours too. Raises OSError."""
+    names = sorted({path.name for path in written.iterdir()} - {LIST} | set(to_come))
+    (written / LIST).write_text("\n".join(names), encoding="utf-8")
     if out.exists():
         shutil.rmtree(out)
-    partial.rename(out)
+    written.rename(out)
 
 
 def _ours(out: Path) -> bool:

@@ -3,11 +3,8 @@
 from __future__ import annotations
 
 import contextlib
-import csv
 import hashlib
-import io
 import json
-from collections.abc import Sequence
 from pathlib import Path
 from types import TracebackType
 
@@ -22,9 +19,10 @@ from pipeline.sinks.video_parts import Part
 from services.live.messages import LatencyMs
 from services.options import Save
 from services.results import kept, moments
-from services.results.appended import Appended
+from services.results.appended import Appended, row, whole_rows
 from services.results.moments import Begun, Moment, Moments, Perceive, Resumed
-from services.results.tally import PLAN, Heard, Tally, WorkerSummary, plan_columns, whole_rows
+from services.results.tally import PLAN, Heard, Tally, WorkerSummary, plan_columns
+from services.results.whole import WORKER, write_whole
 from services.settings import Settings
 from services.worker.rendering import Rendered
 
@@ -67,10 +65,12 @@ class Results:
         record, plan = self._folder / moments.FILE, self._folder / PLAN
         before = Moments(record) if self._parts and record.exists() and record.stat().st_size else None
         last = None if before is None else before.last()
+        # The last word of a worker before this one is none any more.
+        (self._folder / WORKER).unlink(missing_ok=True)
         self._moments = files.enter_context(Appended(record, 0 if before is None else before.whole_bytes))
         self._plan = files.enter_context(Appended(plan, 0 if before is None else whole_rows(plan)))
         if not self._plan.size:
-            self._plan.write(_line(plan_columns(self._begun.eyes)))
+            self._plan.write(row(plan_columns(self._begun.eyes)))
         if before is None:
             self._moments.write(kept.encode(self._begun))
             return
@@ -154,7 +154,7 @@ class Results:
     def note(self, rendered: Rendered, latency: LatencyMs | None = None) -> None:
         """Writes the frame's row, when all that it says has happened. Raises OSError where it cannot."""
         cells = self._tally.add(rendered, self._begun, rendered.t_s - self._zero_s, latency)
-        self._plan.write(_line(cells))
+        self._plan.write(row(cells))
 
     def _film(self, image: np.ndarray, index: int) -> None:
         height, width = image.shape[:2]
@@ -184,9 +184,7 @@ class Results:
         scene = side_by_side(np.asarray(rendered.frame.rgb_cd_m2).transpose(0, 2, 3, 1))
         write_exr(folder / f"{name}_scene.exr", scene)
         self._pairs.append({"frame": rendered.frame_number, "t_s": t_s})
-        new = folder / ".key_frames.json.new"
-        new.write_text(json.dumps(self._pairs), encoding="utf-8")
-        new.replace(folder / "key_frames.json")
+        write_whole(folder / "key_frames.json", json.dumps(self._pairs).encode())
 
     def summary(self, heard: Heard | None, warm_up_s: float | None) -> WorkerSummary:
         """All of it in figures."""
@@ -195,7 +193,7 @@ class Results:
 
 def film_parts(folder: Path) -> list[Path]:
     """The parts of a film, in order."""
-    return sorted(folder.glob("perceived-*.mp4"), key=_number)
+    return sorted(folder.glob("perceived-[0-9]*.mp4"), key=_number)
 
 
 def _number(part: Path) -> int:
@@ -211,12 +209,6 @@ def _next_part(folder: Path) -> Path:
 def side_by_side(images: np.ndarray) -> np.ndarray:
     """Images of shape (eye, y, x, 3) beside each other: (y, eye·x, 3)."""
     return np.concatenate(list(images), axis=1)
-
-
-def _line(cells: Sequence[object]) -> bytes:
-    text = io.StringIO(newline="")
-    csv.writer(text).writerow(cells)
-    return text.getvalue().encode()
 
 
 def _made(folder: Path) -> Path:

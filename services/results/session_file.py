@@ -13,6 +13,7 @@ from typing import Final, Literal
 import msgspec
 
 from services.live.choice import SessionChoice
+from services.results.whole import write_json
 
 FILE: Final = "session.json"
 INPUTS: Final = "inputs"
@@ -61,9 +62,7 @@ class SessionFile(msgspec.Struct, frozen=True):
 
     def write(self, folder: Path) -> None:
         """Into a session's folder; at any moment the old one or the new one is there. Raises OSError."""
-        new = folder / f".{FILE}.new"
-        new.write_bytes(msgspec.json.format(msgspec.json.encode(self), indent=2) + b"\n")
-        new.replace(folder / FILE)
+        write_json(folder / FILE, self)
 
     def path_of(self, what: str, folder: Path) -> Path | None:
         """Where an input is to be read now: its copy, or the original if that is still the same.

@@ -153,11 +153,3 @@ class Tally:
             share_of_frames={effect: runs / max(self._count, 1) for effect, runs in self._runs.items()},
             warm_up_s=None if warm_up_s is None else round(warm_up_s, 2),
         )
-
-
-def whole_rows(path: Path) -> int:
-    """Bytes of a table up to the end of its last whole row; 0 where there is none."""
-    try:
-        return path.read_bytes().rfind(b"\n") + 1
-    except FileNotFoundError:
-        return 0

@@ -59,7 +59,8 @@ def keep(checked: Checked, final: Path, stop: Stop, console: Console) -> Outcome
     from services import simulated_light
     from services.live import takes
     from services.report import page as report
-    from services.results.finish import BRIDGE, finish
+    from services.results.finish import finish
+    from services.results.whole import BRIDGE
 
     with results_folder(final) as folder:
         observer_file.write(folder / "settings.toml", checked.settings)

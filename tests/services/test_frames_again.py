@@ -14,10 +14,11 @@ import numpy as np
 import pytest
 import structlog
 
-from pipeline import FrameError, RenderState, View
+from pipeline import Display, Encoding, FrameError, RenderState, View
 from pipeline.budget import SHIPPED
 from pipeline.optics.living import Kick
 from pipeline.scenes import Head, open_scene
+from pipeline.sinks.video_parts import Part
 from services.live.messages import LatencyMs
 from services.options import Save
 from services.results import finish as takes
@@ -149,6 +150,8 @@ def test_a_take_is_finished_into_one_film(take: Path, tmp_path: Path) -> None:
     assert done["worker"]["frames"] == 11
     assert done["settings_changed_s"] == [0.25]
     assert done["restarted_s"] == [1.9]
+    assert done["film_begins_s"] == 0.0
+    assert done["perception"]["plan"]["budget_ms"] is None
     assert not list((tmp_path / "take").glob("perceived-*"))
     with av.open(str(tmp_path / "take" / "perceived.mp4")) as film:
         times = [round(float(frame.pts * frame.time_base) * FPS) for frame in film.decode(video=0)]
@@ -161,6 +164,50 @@ def test_a_take_is_finished_into_one_film(take: Path, tmp_path: Path) -> None:
     assert anew["worker"]["perceived_sha256"] == done["worker"]["perceived_sha256"]
     assert anew["worker"]["heard"] is None
     assert any("last word is missing" in note for note in anew["folder_notes"])
+
+
+def test_what_does_not_fit_into_the_film_stays_whatever_is_done_again(take: Path, tmp_path: Path) -> None:
+    folder = tmp_path / "take"
+    shutil.copytree(take, folder)
+    other = Part(folder / "perceived-7.mp4", 64, 24, FPS, Display(encoding=Encoding.HDR10), 50)
+    other.write(np.zeros((24, 64, 3), np.uint16), 50)
+    other.close()
+    apart = (folder / "perceived-7.mp4").read_bytes()
+    parts = {path.name: path.read_bytes() for path in folder.glob("perceived-*.mp4")}
+    done = takes.finish(folder)
+    film = (folder / "perceived.mp4").read_bytes()
+    assert (folder / "perceived_apart-7.mp4").read_bytes() == apart
+    assert (
+        "perceived_apart-7.mp4 is not in the film: it begins at 2.5 s and is of another form." in done["folder_notes"]
+    )
+    anew = takes.finish(folder)
+    assert (anew["film"], anew["folder_notes"]) == (done["film"], done["folder_notes"])
+    # Ended by force while the parts were removed: what is still there may be all that there is.
+    for name, data in parts.items():
+        (folder / name).write_bytes(data)
+    again = takes.finish(folder)
+    assert (folder / "perceived.mp4").read_bytes() == film
+    assert {path.name: path.read_bytes() for path in folder.glob("perceived-*.mp4")} == parts
+    assert any("perceived-7.mp4 was left as it is" in note for note in again["folder_notes"])
+
+
+def test_a_frame_whose_row_was_lost_counts(take: Path, tmp_path: Path) -> None:
+    """A worker that is killed between a frame's moment and its row."""
+    shutil.copytree(take, tmp_path / "take")
+    plan = tmp_path / "take" / "plan.csv"
+    plan.write_bytes(plan.read_bytes()[:-20])
+    for word in (True, False):
+        if not word:
+            (tmp_path / "take" / "worker.json").unlink()
+        worker = takes.finish(tmp_path / "take")["worker"]
+        assert (worker["frames"], worker["dropped_frames"]) == (11, 30)
+
+
+def test_an_old_last_word_is_not_believed(take: Path, tmp_path: Path) -> None:
+    shutil.copytree(take, tmp_path / "take")
+    session = Session(settings())
+    with Results(tmp_path / "take", begin(JOB, session.rendering, live=True), SAVE, parts=True):
+        assert not (tmp_path / "take" / "worker.json").exists()
 
 
 def test_rows_are_whole_and_say_the_latency(take: Path) -> None:

@@ -2,7 +2,7 @@ from pathlib import Path
 
 import pytest
 
-from services.results.folder import ResultsFolderError, results_folder
+from services.results.folder import ResultsFolderError, keep, refuse_foreign, results_folder
 
 
 def files(folder: Path) -> dict[str, str]:
@@ -68,3 +68,33 @@ def test_the_folder_one_stands_in_and_the_root_are_refused(tmp_path: Path, monke
     for out in (Path("."), Path("/")):
         with pytest.raises(ResultsFolderError, match="choose another --out"), results_folder(out):
             pass
+
+
+def test_a_recording_that_is_not_finished_is_never_touched(tmp_path: Path) -> None:
+    unfinished = tmp_path / "take.partial"
+    unfinished.mkdir()
+    (unfinished / "moments.msgpack").write_text("an hour of it")
+    with results_folder(tmp_path / "take") as folder:
+        (folder / "mark").write_text("offline")
+    assert files(unfinished) == {"moments.msgpack": "an hour of it"}
+    assert files(tmp_path / "take") == {"mark": "offline", ".entoptic": "mark"}
+
+
+def test_what_a_killed_process_left_is_replaced_and_nothing_else(tmp_path: Path) -> None:
+    left = tmp_path / "out.new"
+    left.mkdir()
+    (left / "notes.txt").write_text("mine")
+    with pytest.raises(ResultsFolderError, match=r"out\.new is in the way"), results_folder(tmp_path / "out"):
+        pass
+    assert files(left) == {"notes.txt": "mine"}
+    (left / ".entoptic").touch()
+    with results_folder(tmp_path / "out") as folder:
+        assert files(folder) == {".entoptic": ""}
+    assert not left.exists()
+
+
+def test_a_report_that_is_drawn_later_is_ours(tmp_path: Path) -> None:
+    (tmp_path / "take.partial").mkdir()
+    keep(tmp_path / "take.partial", tmp_path / "take", "report.html")
+    (tmp_path / "take" / "report.html").write_text("drawn later")
+    refuse_foreign(tmp_path / "take")

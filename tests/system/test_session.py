@@ -144,14 +144,14 @@ def wait_for(condition: object, process: subprocess.Popen[str]) -> None:
 
 def test_ctrl_c_ends_both_processes_and_keeps_whole_files(tmp_path: Path) -> None:
     process = started(tmp_path, "--seconds", "40")
-    plan = tmp_path / "out.partial" / "plan.csv"
+    plan = tmp_path / "out.new" / "plan.csv"
     wait_for(lambda: plan.exists() and len(children_of(tmp_path)) >= 3, process)
     time.sleep(3)
     process.send_signal(signal.SIGINT)
     _, said = process.communicate(timeout=60)
     assert process.returncode == 130, said
     assert json.loads((tmp_path / "out" / "summary.json").read_text())["interrupted"] is True
-    assert not (tmp_path / "out.partial").exists()
+    assert not (tmp_path / "out.new").exists()
     assert children_of(tmp_path) == []
     if rows(tmp_path / "out" / "plan.csv"):
         with av.open(str(tmp_path / "out" / "perceived.mp4")) as film:

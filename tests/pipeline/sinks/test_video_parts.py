@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from pipeline.frame import Display, Encoding, FrameError
-from pipeline.sinks.video_parts import Part, join
+from pipeline.sinks.video_parts import Part, begins_s, join
 
 HDR10 = Display(peak_cd_m2=1000.0, encoding=Encoding.HDR10)
 
@@ -45,6 +45,9 @@ def test_parts_become_one_film_with_their_gaps(tmp_path: Path, fps: float, displ
     write_part(tmp_path / "2.mp4", second, fps, display)
     assert join([tmp_path / "1.mp4", tmp_path / "2.mp4"], tmp_path / "film.mp4") == ()
     assert shown(tmp_path / "film.mp4", fps) == [frame - 100 for frame in first + second]
+    part_begins_s = begins_s(tmp_path / "2.mp4")
+    assert part_begins_s == pytest.approx(200 / fps)
+    assert begins_s(tmp_path / "film.mp4") == pytest.approx(100 / fps)
     data = (tmp_path / "film.mp4").read_bytes()
     assert data.index(b"moov") < data.index(b"mdat")
     assert b"moof" not in data
@@ -109,6 +112,7 @@ def test_what_holds_no_frame_is_left_out_and_named(tmp_path: Path) -> None:
     left_over = join(parts, tmp_path / "film.mp4")
     assert [path.name for path, _ in left_over] == ["2.mp4", "3.mp4", "4.mp4"]
     assert "another form" in left_over[2][1]
+    assert [begins_s(part) for part in parts] == [0.0, None, None, 5 / 24]
     assert shown(tmp_path / "film.mp4") == [0, 1]
     with pytest.raises(FrameError, match=r"no\.mp4: no part holds a frame"):
         join(parts[1:3], tmp_path / "no.mp4")
