@@ -63,6 +63,10 @@ def _token_of(given: str) -> str:
             token = path.read_text(encoding="utf-8").strip()
         except (OSError, UnicodeDecodeError) as error:
             raise ConsoleError(f"--token {path}: {getattr(error, 'strerror', None) or 'no text'}") from None
+    elif path.suffix or len(path.parts) > 1:
+        raise ConsoleError(
+            f"--token {given}: there is no such file; name one that holds a token, or give the token itself"
+        )
     if len(token) < LEAST_TOKEN or not token.isascii() or not token.replace("-", "").replace("_", "").isalnum():
         raise ConsoleError(f"--token: a token, or what its file holds, has {LEAST_TOKEN} or more letters and digits")
     return token

@@ -166,11 +166,13 @@ class Actions:
     async def _calibrate(self, request: requests.CalibratePupils) -> Replied:
         folder = (self._folders.observers / listing.PUPIL_MAPS).resolve()
         await self._aside(lambda: folder.mkdir(parents=True, exist_ok=True))
-        out = str(folder / f"{request.name or f'{datetime.now():%Y-%m-%d_%H-%M-%S}'}.toml")
+        out = folder / f"{request.name or f'{datetime.now():%Y-%m-%d_%H-%M-%S}'}.toml"
+        if out.exists() and not request.overwrite:
+            raise Refused(f"{out.stem} is there already: choose another name, or overwrite it", {"exists": True})
         wish = asked.CalibratePupils(
-            out, request.protocol, request.white_s, request.black_s, request.eyes, request.map_mm
+            str(out), request.protocol, request.white_s, request.black_s, request.eyes, request.map_mm
         )
-        return replace(await self._bridge(wish), data={"pupil_map": out})
+        return replace(await self._bridge(wish), data={"pupil_map": str(out)})
 
     def _running(self) -> Addresses | None:
         """Where a session runs; None while none does."""

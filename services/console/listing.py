@@ -84,7 +84,6 @@ def _sessions(root: Path) -> Iterator[Listed]:
             _when(path),
             report_url=url + "report.html" if (path / "report.html").exists() else None,
             film_url=url + "perceived.mp4" if (path / "perceived.mp4").exists() else None,
-            folder_url=None,
             running=path.name.endswith(PARTIAL),
         )
 

@@ -44,8 +44,6 @@ class Hello(_Message, frozen=True, tag="hello"):
     and the buttons for that are hidden."""
     screens_url: str | None
     """Where the full-screen page of a pupil calibration is: `/screens/`; null where there is none."""
-    seconds_kept: float
-    """How many seconds of traces a page gets at once when it connects, so that it need not begin empty."""
 
 
 class Field(msgspec.Struct, frozen=True):
@@ -276,6 +274,8 @@ class Status(_Message, frozen=True, tag="status"):
     """The worst first."""
     root: str | None = None
     """Folder of all takes; null where it is not known."""
+    state: str | None = None
+    """Of the session, by its host: starting, running, stopping, ended, or idle; null where there is no host."""
 
 
 class Replied(_Message, frozen=True, tag="reply"):
@@ -313,7 +313,6 @@ class Listed(msgspec.Struct, frozen=True):
     report_url: str | None = None
     """Of sessions: where to look, null while there is none."""
     film_url: str | None = None
-    folder_url: str | None = None
     running: bool = False
     """Of sessions: still being written."""
 

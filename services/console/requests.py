@@ -63,6 +63,9 @@ class CalibratePupils(_Request, frozen=True, tag="calibrate pupils"):
     black_s: Annotated[float, msgspec.Meta(ge=1.0, le=120.0)] | None = None
     eyes: Literal["both", "left", "right"] = "both"
     map_mm: bool = False
+    overwrite: bool = False
+    """Whether a valid run may replace a map of that name; unless it is set such a one is refused, with the reply data
+    {"exists": true}."""
 
 
 class StartScreens(_Request, frozen=True, tag="start screens"):

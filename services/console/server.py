@@ -29,7 +29,6 @@ from uvicorn.protocols.websockets.websockets_sansio_impl import WebSocketsSansIO
 from services.calibration.page import Screens
 from services.console import protocol, requests
 from services.console.actions import Actions, Folders
-from services.console.feed import KEPT_S
 from services.console.fields import fields
 from services.console.listing import PUPIL_MAPS
 from services.console.live import Live, Places
@@ -86,7 +85,7 @@ class Console:
     async def welcome(self, page: Page) -> None:
         """What a page is sent first."""
         program = importlib.metadata.version("entoptic")
-        hello = Hello(protocol.VERSION, program, self.live.hosted, SCREENS_URL, KEPT_S)
+        hello = Hello(protocol.VERSION, program, self.live.hosted, SCREENS_URL)
         first = [protocol.encode(one) for one in (hello, Fields(fields()))]
         first += [self.live.settings_message(None), protocol.encode(self.live.status())]
         page.queue([*first, *self.live.kept()])

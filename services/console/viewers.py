@@ -34,8 +34,6 @@ class Page:
         """`abort` ends its connection at once, whatever is still to be sent."""
         self.kinds = frozenset((PERCEIVED, DISPLAYED))
         """Of pictures, that it wants."""
-        self.missed = 0
-        """Messages that were given up, since it did not take them."""
         self._abort = abort
         self._queue: collections.deque[bytes] = collections.deque()
         self._bytes = 0
@@ -56,7 +54,6 @@ class Page:
             self._bytes += len(message)
         while self._bytes > QUEUE_BYTES:
             self._bytes -= len(self._queue.popleft())
-            self.missed += 1
         self._wake.set()
 
     def newest(self, kind: str, message: bytes) -> None:

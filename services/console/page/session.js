@@ -60,12 +60,16 @@ export function sessionForm(connection) {
 
   function show() {
     const wanted = EYES[fields.kind.value][1];
-    for (const name of ["recording", "remote", "usb_id", "table_map", "usb_fault", "seed"]) rows[name].hidden = !wanted.includes(name);
-    rows.scene_file.hidden = rows.mean_luminance.hidden = fields.scene.value !== FILE;
+    // What is hidden is disabled too: it must not keep a session from starting.
+    const row = (name, shown) => { rows[name].hidden = fields[name].disabled = !shown; };
+    for (const name of ["recording", "remote", "usb_id", "table_map", "usb_fault", "seed"]) row(name, wanted.includes(name));
+    for (const name of ["scene_file", "mean_luminance"]) row(name, fields.scene.value === FILE);
   }
   form.addEventListener("change", () => { show(); localStorage.setItem(KEPT, JSON.stringify(values(fields))); });
   form.addEventListener("submit", (event) => event.preventDefault());
   Object.entries(kept()).forEach(([name, value]) => { if (fields[name] && value) fields[name].value = value; });
+  // What another version of this page remembered may be no choice any more.
+  for (const input of form.querySelectorAll("select")) if (input.selectedIndex < 0) input.selectedIndex = 0;
   show();
 
   async function list(what) {
@@ -107,8 +111,8 @@ function choice(fields) {
   return chosen;
 }
 
-function take({ label, when, report_url, film_url, folder_url, running }) {
+function take({ label, when, report_url, film_url, running }) {
   const link = (url, text) => (url ? [" ", make("a", { href: url, target: "_blank" }, text)] : []);
   return make("li", {}, label, running ? " (being written)" : when ? `, ${new Date(when).toLocaleString()}` : "",
-    ...link(report_url, "report"), ...link(film_url, "film"), ...link(folder_url, "files"));
+    ...link(report_url, "report"), ...link(film_url, "film"));
 }

@@ -4,6 +4,7 @@ from pathlib import Path
 import pytest
 from console_session import MadeUpSession, Served
 
+from services.console import problems
 from services.console.live import Places
 
 
@@ -15,7 +16,9 @@ def session() -> Iterator[MadeUpSession]:
 
 
 @pytest.fixture
-def serve(tmp_path: Path) -> Iterator[Callable[..., Served]]:
+def serve(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Callable[..., Served]]:
+    # How full this machine's disk is is no matter of these tests.
+    monkeypatch.setattr(problems, "LITTLE_BYTES", 0)
     served = []
 
     def start(places: Places | None = None, **more: object) -> Served:

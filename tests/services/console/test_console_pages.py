@@ -23,6 +23,10 @@ from services.live.messages import DISPLAYED, PERCEIVED
 from services.settings import Settings, load
 from tracker_bridge.wire import Phase
 
+ENDS_WITHIN_S = 5.0
+"""Under a second where nothing else runs; what it must not do is wait for its pages, or be killed by its host after
+ten."""
+
 
 def test_a_page_gets_all_it_needs_at_once(attached: Served) -> None:
     with attached.page() as page:
@@ -180,6 +184,19 @@ def test_calibrations_and_the_trackers_tasks_are_the_bridges(attached: Served, s
         assert "display" in page.ask("start screens")["reply"]
 
 
+def test_a_pupil_map_is_replaced_only_where_that_is_asked_for(attached: Served, session: MadeUpSession) -> None:
+    with attached.page() as page:
+        kept = Path(page.ask("calibrate pupils", name="anna")["data"]["pupil_map"])
+        kept.touch()
+        before = len(session.asked)
+        refused = page.ask("calibrate pupils", name="anna")
+        assert not refused["done"]
+        assert refused["data"] == {"exists": True}
+        assert len(session.asked) == before
+        assert page.ask("calibrate pupils", name="anna", overwrite=True)["done"]
+        assert session.asked[-1].out == str(kept)
+
+
 def test_a_lost_pupil_is_said_and_so_is_its_return(attached: Served, session: MadeUpSession) -> None:
     with attached.page() as page:
         session.phase = Phase.LOST
@@ -247,7 +264,7 @@ def test_settings_that_the_worker_took_back_are_shown_as_it_has_them(
 
 
 @pytest.mark.parametrize("how", ["signal", "standard input"])
-def test_the_command_serves_and_ends_within_a_second(how: str, session: MadeUpSession, tmp_path: Path) -> None:
+def test_the_command_serves_and_ends_soon(how: str, session: MadeUpSession, tmp_path: Path) -> None:
     where = [f"--{name}={getattr(session.addresses, name)}" for name in ("states", "events", "bridge", "screens")]
     where += [f"--{name}={getattr(session.addresses, name)}" for name in ("answers", "frames", "worker")]
     command = [sys.executable, "-m", "services.cli", "console-server", "--port=0", *where, "--child"]
@@ -260,7 +277,7 @@ def test_the_command_serves_and_ends_within_a_second(how: str, session: MadeUpSe
         at = f"127.0.0.1:{json.loads(process.stderr.readline())['port']}"
         with connect(f"ws://{at}/live", origin=f"http://{at}", max_size=None) as socket:
             assert json.loads(socket.recv(PATIENCE_S))[0]["type"] == "hello"
-            begun = time.monotonic()
+            begun_s = time.monotonic()
             if how == "signal":
                 process.terminate()
             else:
@@ -269,7 +286,7 @@ def test_the_command_serves_and_ends_within_a_second(how: str, session: MadeUpSe
             page.read_to_the_end()
         assert page.messages[-1]["type"] == "bye"
         assert process.wait(PATIENCE_S) == 0
-        assert time.monotonic() - begun < 1.0
+        assert time.monotonic() - begun_s < ENDS_WITHIN_S
     finally:
         process.kill()
         process.wait()

@@ -199,6 +199,9 @@ def test_beyond_loopback_a_token_is_made_or_asked_for(tmp_path: Path) -> None:
     (file := tmp_path / "token").write_text(TOKEN + "\n")
     assert rules_for("0.0.0.0", str(file), (), no_token=False, may_make=False)[0](1).token == TOKEN
     assert rules_for("0.0.0.0", TOKEN, (), no_token=False, may_make=False)[0](1).token == TOKEN
+    for missing in (str(tmp_path / "no-such-file-of-a-token"), "token-that-is-not-there.txt"):
+        with pytest.raises(ConsoleError, match="no such file"):
+            rules_for("127.0.0.1", missing, (), no_token=False, may_make=True)
     for bad in ("short", "with blanks and more of them", "ümläute-ümläute-ümläute"):
         with pytest.raises(ConsoleError, match="letters and digits"):
             rules_for("127.0.0.1", bad, (), no_token=False, may_make=True)
