@@ -37,7 +37,7 @@ QUIET = (ClockEstimated, Heartbeat, SaccadeOnset, SaccadeOffset)
 
 
 @dataclasses.dataclass(frozen=True)
-class LiveSettings:
+class LiveBridgeSettings:
     """What a bridge that is a part of a live session has beside."""
 
     screens_address: str | None = None
@@ -76,7 +76,7 @@ class BridgeSettings:
     """A new folder for a recording of Pupil's form."""
     pupil_map_file: Path | None = None
     """Where `pupil_map` lies."""
-    live: LiveSettings | None = None
+    live: LiveBridgeSettings | None = None
     """What a part of a live session has beside."""
 
 
@@ -147,7 +147,7 @@ def run(source: Source, settings: BridgeSettings, stop: Stop, log: structlog.typ
 
 
 def _open_session(
-    source: Source, desk: BridgeDesk, session: LiveSettings, keys: ServerKeys | None, publisher: Publisher
+    source: Source, desk: BridgeDesk, session: LiveBridgeSettings, keys: ServerKeys | None, publisher: Publisher
 ) -> dict[str, object]:
     """Opens what a live session has beside; what is to be logged of it."""
     places: dict[str, object] = {}

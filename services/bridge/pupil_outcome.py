@@ -18,6 +18,8 @@ from services.calibration.run import Recorded
 from tracker_bridge.pupil_map import PupilMap, PupilMapError
 
 _UNFINISHED = "not worked out"
+_WITHIN_S = 60.0
+"""Engineering choice: thirty times what it takes."""
 
 
 class Job(msgspec.Struct, frozen=True):
@@ -110,7 +112,14 @@ class Concluding:
                 command = [sys.executable, "-P", "-m", "services.bridge.pupil_outcome"]
                 pipe = subprocess.PIPE
                 self._process = subprocess.Popen(command, stdin=pipe, stdout=pipe, stderr=pipe)
-            said, complaint = self._process.communicate(message)
+            try:
+                said, complaint = self._process.communicate(message, timeout=_WITHIN_S)
+            except subprocess.TimeoutExpired:
+                self._process.kill()
+                self._process.communicate()
+                detail = f"it took longer than {_WITHIN_S:.0f} s"
+                self._outcome = Outcome.without_result(Named(_UNFINISHED, detail, "see what else runs, and calibrate again"))
+                return
             self._outcome = msgspec.msgpack.decode(said, type=Outcome)
         except (OSError, msgspec.DecodeError) as error:
             lines = complaint.decode(errors="replace").strip().splitlines()

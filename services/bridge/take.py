@@ -59,6 +59,8 @@ class BridgeTake:
         self._first_s: float | None = None
         self._last_s: float | None = None
         self._gaps: list[StatesGap] = []
+        # A last word is of a take that has ended.
+        (folder / SUMMARY).unlink(missing_ok=True)
         self._recall()
         self._tables = Tables(folder, start_ns)
         try:

@@ -102,7 +102,7 @@ def bridge(
         session = None
         if live:
             eyes = open_live_eyes(source, table_map, seed, luminance, tracker, begun_ns)
-            session = bridges.LiveSettings(
+            session = bridges.LiveBridgeSettings(
                 screens_address=screens,
                 answers_address=answers,
                 sees_address=sees,

@@ -152,11 +152,12 @@ class Held:
 
 
 class KernelNumbers:
-    """Numbers of kernels, from 1 on: an eye gets another when its kernel has changed, but not too often."""
+    """Numbers of kernels: an eye gets another when its kernel has changed, but not too often."""
 
-    def __init__(self) -> None:
+    def __init__(self, last: int) -> None:
+        """`last`: no number up to this one is given."""
         self._held: dict[Eye, Held] = {}
-        self._last = 0
+        self._last = last
 
     def number(self, eye: Eye, mixture: Mixture, t_ns: int) -> int:
         """The number of an eye's kernel at a time."""

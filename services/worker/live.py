@@ -51,7 +51,7 @@ LOOKS_UP_S = 0.05
 
 
 @dataclasses.dataclass(frozen=True)
-class LiveSettings:
+class LiveWorkerSettings:
     """How a live worker works."""
 
     job: Job
@@ -74,7 +74,7 @@ class LiveWorker:
         reader: StateReader,
         rendering: Rendering,
         head_path: HeadPath,
-        settings: LiveSettings,
+        settings: LiveWorkerSettings,
         stop: Stop,
         log: structlog.typing.FilteringBoundLogger,
         publisher: LivePublisher | None = None,
@@ -122,6 +122,8 @@ class LiveWorker:
                 self._zero_ns = self._zero_ns or time.monotonic_ns()
                 self._begin(BeginTake(str(self._settings.out), self._zero_ns))
             frame = self._next_frame()
+            # Those that were due while no worker was there, and the last second's, of which no checkpoint knows.
+            self._dropped += frame - self._frame - 1
             while not self._stop() and (frames is None or frame < frames) and not self._stream_ended():
                 wait_s = self._due_s(frame)
                 if requests is not None:
@@ -135,7 +137,9 @@ class LiveWorker:
                     self._dropped += after - frame - 1
                     frame = after
         finally:
-            summary = self._take.end(heard(self._reader), self._warm_up_s)
+            summary, ended = self._end()
+            if requests is not None:
+                requests.over(ended)
         return summary
 
     def _prepare(self) -> int | None:
@@ -182,7 +186,7 @@ class LiveWorker:
             case BeginTake():
                 return self._begin(wish)
             case EndTake():
-                return self._end()
+                return self._end()[1]
             case Settings():
                 self._before = self._before or self._rendering.perception
                 self._perceive(wish)
@@ -209,13 +213,13 @@ class LiveWorker:
             return Reply(False, self._take.trouble)
         return Reply(True, f"frames are kept in {wish.folder}")
 
-    def _end(self) -> Reply:
+    def _end(self) -> tuple[WorkerSummary | None, Reply]:
         if not self._take.runs:
-            return Reply(False, self._take.trouble or "no take is running")
+            return None, Reply(False, self._take.trouble or "no take is running")
         summary = self._take.end(heard(self._reader), self._warm_up_s)
         if summary is None:
-            return Reply(False, self._take.trouble or "the take could not be ended")
-        return Reply(True, f"{summary.frames} frames are kept", {"frames": summary.frames})
+            return None, Reply(False, self._take.trouble or "the take could not be ended")
+        return summary, Reply(True, f"{summary.frames} frames are kept", {"frames": summary.frames})
 
     def _render(self, frame: int) -> None:
         begun_ns = time.monotonic_ns()
@@ -318,7 +322,7 @@ def run(
     reader: StateReader,
     rendering: Rendering,
     head_path: HeadPath,
-    settings: LiveSettings,
+    settings: LiveWorkerSettings,
     stop: Stop,
     log: structlog.typing.FilteringBoundLogger,
     *,

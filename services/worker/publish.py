@@ -78,7 +78,8 @@ class LivePublisher:
         self._topics: dict[bytes, set[bytes]] = {topic: set() for topic in messages.TOPICS}
         """Of each topic: the prefixes of it that are subscribed."""
         self._kernels_anew = False
-        self._numbers = engine.KernelNumbers()
+        # A worker that is started anew gives other numbers: a reader may still have the last one's kernels.
+        self._numbers = engine.KernelNumbers(time.monotonic_ns() // 1_000_000)
         self._sent: dict[Eye, int] = {}
         """The numbers of the kernels that were sent last."""
 

@@ -29,6 +29,7 @@ from tracker_bridge.access import ServerKeys
 TURN_MS: Final = 50
 ANSWER_WITHIN_S: Final = 1.5
 """A loop that is busy for longer has its say in the status."""
+STOPS: Final = Reply(False, "the worker stops")
 
 Wish = Settings | BeginTake | EndTake
 """What the loop has to do."""
@@ -47,6 +48,8 @@ class WorkerRequests:
         """`status` is called from the thread."""
         self._status = status
         self._wishes: queue.Queue[tuple[Wish, Future[Reply]]] = queue.Queue()
+        self._ended: Reply | None = None
+        """What became of the take when the loop ended."""
         self._over = threading.Event()
         # From here on it is the thread's.
         self._control: Control[WorkerRequest] = Control(address, WorkerRequest, self._answer, keys, context)
@@ -82,6 +85,8 @@ class WorkerRequests:
                 try:
                     return begins.result(ANSWER_WITHIN_S)
                 except StillBusyError:
+                    if self._ended is not None:
+                        return STOPS
                     return Reply(True, "the take begins with the next frame, which takes a while")
             case EndTake():
                 return self._wait_for(self._wish(request))
@@ -96,8 +101,9 @@ class WorkerRequests:
             try:
                 return answer.result(TURN_MS / 1e3)
             except StillBusyError:
-                continue
-        return answer.result() if answer.done() else Reply(False, "the worker stops")
+                if self._ended is not None:
+                    break
+        return answer.result() if answer.done() else self._ended or STOPS
 
     def serve(self, do: Callable[[Wish], Reply], wait_s: float) -> None:
         """Does what was wished; where nothing was, waits so long for a wish. For the loop."""
@@ -113,6 +119,10 @@ class WorkerRequests:
                 return
             answer.set_result(do(wish))
             wait_s = 0.0
+
+    def over(self, ended: Reply) -> None:
+        """The loop has ended; what whoever waits for the end of the take is told."""
+        self._ended = ended
 
     def close(self) -> None:
         """Stops listening."""

@@ -13,6 +13,7 @@ from services.live.messages import LatencyMs
 from services.options import Save
 from services.results.finish import write_summary
 from services.results.frames import Results
+from services.results.moments import FILE as MOMENTS
 from services.results.moments import Begun, Moment, MomentsError
 from services.results.tally import Heard, WorkerSummary
 from services.settings import Settings
@@ -27,7 +28,8 @@ class WorkerTake:
     def __init__(self, log: structlog.typing.FilteringBoundLogger) -> None:
         self._log = log
         self._results: Results | None = None
-        self._heard_before: Heard | None = None
+        self._heard_before = Heard(0, 0, 0, 0, {})
+        self._goes_on = False
         self.start_ns = 0
         self.folder: str | None = None
         self.trouble: str | None = None
@@ -35,6 +37,8 @@ class WorkerTake:
 
     def begin(self, folder: str, start_ns: int, begun: Begun, save: frozenset[Save], heard: Heard) -> None:
         """Raises OSError, FrameError or MomentsError where nothing can be kept there."""
+        # What a worker before this one heard went with it: then nothing is known of all of the take.
+        self._goes_on = (Path(folder) / MOMENTS).exists()
         self._results = Results(Path(folder), begun, save, parts=True)
         self.folder, self.start_ns, self.trouble, self._heard_before = folder, start_ns, None, heard
         self._log.info("take begins", folder=folder)
@@ -73,7 +77,8 @@ class WorkerTake:
         results, self._results = self._results, None
         if results is None:
             return None
-        summary = results.summary(_since(self._heard_before, heard), warm_up_s)
+        known = None if self._goes_on else _since(self._heard_before, heard)
+        summary = results.summary(known, warm_up_s)
         try:
             with results:
                 pass
@@ -103,9 +108,7 @@ class WorkerTake:
         self.folder = None
 
 
-def _since(before: Heard | None, now: Heard) -> Heard:
-    if before is None:
-        return now
+def _since(before: Heard, now: Heard) -> Heard:
     refused = {name: count - before.messages_refused.get(name, 0) for name, count in now.messages_refused.items()}
     return Heard(
         now.states_received - before.states_received,

@@ -110,6 +110,6 @@ def test_a_live_tracker_waits_for_no_reader(run: Run) -> None:
 
 
 def test_what_a_light_is_for_is_said(run: Run) -> None:
-    seen = bridge.LiveSettings(sees_address="tcp://127.0.0.1:9")
+    seen = bridge.LiveBridgeSettings(sees_address="tcp://127.0.0.1:9")
     with pytest.raises(SourceError, match="leave --sees out"):
         run(Tracker(live=True), live=seen)

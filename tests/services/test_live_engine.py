@@ -129,7 +129,7 @@ def test_the_veil_of_a_formula_adds_up_to_its_share() -> None:
 
 def test_a_kernel_has_another_number_when_it_has_changed_and_not_too_often() -> None:
     (one, _), (other, _) = coloured()
-    numbers = KernelNumbers()
+    numbers = KernelNumbers(0)
 
     def at(t_s: float, weight: float, eye: Eye = Eye.LEFT) -> int:
         return numbers.number(eye, ((one, weight), (other, 1 - weight)), int(t_s * 1e9))

@@ -133,7 +133,9 @@ def test_each_topic_carries_what_was_rendered(
     assert (left + width, top + height) <= (96, 80)
     (engine,), kernels = bodies[b"engine"], bodies[b"kernel"]
     assert isinstance(engine, EngineFrame)
-    assert [eye.kernel for eye in engine.eyes] == [k.number for k in kernels if isinstance(k, EngineKernel)] == [1, 2]
+    first, second = (k.number for k in kernels if isinstance(k, EngineKernel))
+    assert 0 < first < second
+    assert [eye.kernel for eye in engine.eyes] == [first, second]
     assert engine.eyes[0].blink
 
 
@@ -187,6 +189,13 @@ def test_kernels_come_when_they_change_and_to_each_new_subscriber(
     topic, message = received(second)
     assert topic == b"engine"
     assert numbers == again == [eye.kernel for eye in decode(message, EngineFrame).eyes]
+    # A worker that is started anew gives no number for the second time.
+    anew = LivePublisher(ANY)
+    third = reader(anew.address, b"kernel")
+    until(anew, lambda: anew.wants(b"kernel"))
+    show(anew, rendered)
+    assert min(decode(received(third)[1], EngineKernel).number for _ in EYES) > max(numbers)
+    anew.close()
 
 
 def test_a_reader_that_stalls_goes_without_and_another_gets_all(

@@ -135,9 +135,11 @@ def test_after_a_crash_a_take_goes_on_where_the_clock_is(
     # What a write that a power failure cut off might leave.
     with (tmp_path / "states.csv").open("ab") as file:
         file.write(b"77,0.5")
+    (tmp_path / "bridge.json").write_text("what another one said in the end")
 
     again = start("--source", recording, "--begun-ns", begun_ns)
     assert tell(again.control, take).done
+    assert not (tmp_path / "bridge.json").exists()
     began = again.status()["states"]
     again.status_until(lambda status: status["states"] > began + 100 and status["rate_hz"] > 30)
     assert tell(again.control, EndTake()).done
