@@ -118,7 +118,9 @@ class Concluding:
                 self._process.kill()
                 self._process.communicate()
                 detail = f"it took longer than {_WITHIN_S:.0f} s"
-                self._outcome = Outcome.without_result(Named(_UNFINISHED, detail, "see what else runs, and calibrate again"))
+                self._outcome = Outcome.without_result(
+                    Named(_UNFINISHED, detail, "see what else runs, and calibrate again")
+                )
                 return
             self._outcome = msgspec.msgpack.decode(said, type=Outcome)
         except (OSError, msgspec.DecodeError) as error:
