@@ -153,6 +153,10 @@ ConsoleToken = Annotated[
     str | None,
     typer.Option("--token", help="What a browser must show, or a file that holds it; needed beyond this machine."),
 ]
+ConsoleNames = Annotated[
+    list[str],
+    typer.Option("--allow-host", metavar="NAME", help="Another name of this machine. May be given more than once."),
+]
 UsbId = Annotated[
     str | None, typer.Option(metavar="VID:PID", help="Which USB eye tracker; the first one unless given.")
 ]

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from services.options import ConsoleHost, ConsolePort, ConsoleToken
+from services.options import ConsoleHost, ConsoleNames, ConsolePort, ConsoleToken
 from services.process import Stop, prepare_jax
 from services.terminal import console as terminal
 
@@ -16,6 +16,7 @@ def console(
     host: ConsoleHost = "127.0.0.1",
     port: ConsolePort = 8080,
     token: ConsoleToken = None,
+    allow_host: ConsoleNames = [],  # noqa: B006 - typer copies it
     root: Annotated[Path, typer.Option(help="Folder for what is recorded.")] = Path("sessions"),
     observers: Annotated[Path, typer.Option(help="Folder where settings are saved.")] = Path("observers"),
     inputs: Annotated[Path | None, typer.Option(help="Folder of scenes and recordings to choose from.")] = None,
@@ -26,4 +27,4 @@ def console(
     from services.live import attended
     from services.live.web import Web
 
-    attended.idle(root, Web(host, port, token, observers, inputs), stop, terminal)
+    attended.idle(root, Web(host, port, token, observers, inputs, tuple(allow_host)), stop, terminal)

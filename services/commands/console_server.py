@@ -12,7 +12,7 @@ from typing import Annotated
 import typer
 from rich.markup import escape
 
-from services.options import Child, ConsoleToken
+from services.options import Child, ConsoleNames, ConsoleToken
 from services.process import process
 from services.terminal import console as terminal
 
@@ -49,9 +49,7 @@ def console_server(
     no_token: Annotated[
         bool, typer.Option("--no-token", help="Ask for none: where the port is reached from this machine alone.")
     ] = False,
-    allow_host: Annotated[
-        list[str], typer.Option(metavar="NAME", help="Another name of this machine. May be given more than once.")
-    ] = [],  # noqa: B006 - typer copies it
+    allow_host: ConsoleNames = [],  # noqa: B006 - typer copies it
     child: Child = False,
 ) -> None:
     """Serve the console."""

@@ -19,13 +19,15 @@ class Web:
     """Or the file that holds it."""
     observers: Path = Path("observers")
     inputs: Path | None = None
+    names: tuple[str, ...] = ()
+    """By which it may be called, beside this machine's own."""
 
     def settled(self) -> Web:
         """With a port that stays the same when the server is started anew, and a token where it needs one.
 
         Raises ConsoleError.
         """
-        _, made = rules_for(self.host, self.token, (), no_token=False, may_make=True)
+        _, made = rules_for(self.host, self.token, self.names, no_token=False, may_make=True)
         try:
             with socket.socket(socket.AF_INET6 if ":" in self.host else socket.AF_INET) as one:
                 one.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
@@ -49,6 +51,8 @@ class Web:
         arguments = ["console-server", "--host", self.host, "--port", str(self.port), "--host-control", control]
         arguments += ["--root", str(root), "--observers", str(self.observers)]
         arguments += [] if self.inputs is None else ["--inputs", str(self.inputs)]
+        for name in self.names:
+            arguments += ["--allow-host", name]
         if self.token is None:
             return arguments
         # Anybody on this machine can read a command line.

@@ -13,6 +13,7 @@ from websockets.sync.client import connect
 
 from services.console.access import ConsoleError, places, rules_for
 from services.console.security import Rules
+from services.live.web import Web
 
 Headers = dict[str, str]
 
@@ -205,6 +206,12 @@ def test_beyond_loopback_a_token_is_made_or_asked_for(tmp_path: Path) -> None:
     for bad in ("short", "with blanks and more of them", "ümläute-ümläute-ümläute"):
         with pytest.raises(ConsoleError, match="letters and digits"):
             rules_for("127.0.0.1", bad, (), no_token=False, may_make=True)
+
+
+def test_a_host_passes_on_by_what_names_its_console_may_be_called(tmp_path: Path) -> None:
+    web = Web("127.0.0.1", 0, names=("console.example", "lab")).settled()
+    arguments = web.arguments("tcp://127.0.0.1:2", tmp_path, tmp_path)
+    assert [arguments[at + 1] for at, word in enumerate(arguments) if word == "--allow-host"] == list(web.names)
 
 
 def test_a_host_or_all_addresses() -> None:
