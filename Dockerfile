@@ -28,7 +28,7 @@ RUN groupadd --gid 1000 entoptic \
     && install -d -m 1777 /cache /observers /recordings /sessions /state
 COPY --from=build /opt/entoptic /opt/entoptic
 ENV PATH=/opt/entoptic/bin:$PATH PYTHONDONTWRITEBYTECODE=1 PYTHONUNBUFFERED=1 \
-    HOME=/tmp XDG_CACHE_HOME=/cache XDG_STATE_HOME=/state
+    HOME=/tmp MPLCONFIGDIR=/tmp/matplotlib XDG_CACHE_HOME=/cache XDG_STATE_HOME=/state
 USER 1000:1000
 WORKDIR /sessions
 ENTRYPOINT ["entoptic"]

@@ -54,6 +54,16 @@ def make_client(out: Path, name: str) -> Path:
     return folder
 
 
+def has_client(out: Path, name: str) -> bool:
+    """Whether a reader of that name has its keys and the bridge of the same `out` knows it. Raises KeysError where
+    what is there is none."""
+    if not (out / name).is_dir() or not (out / BRIDGE / CLIENTS / f"{name}.key").is_file():
+        return False
+    load_server(out / BRIDGE)
+    load_client(out / name)
+    return True
+
+
 def load_server(folder: Path) -> ServerKeys:
     """A bridge's keys. Raises KeysError."""
     public, secret = _load_pair(folder, BRIDGE)

@@ -21,6 +21,9 @@ def keys(
     """Make the keys of a bridge that listens beyond this machine, or of more readers of it."""
     from services import keys as key_files
 
+    if client and all(key_files.has_client(out, name) for name in client):
+        console.print(f"all of these keys are in [b]{escape(str(out))}[/b] already: nothing is made", soft_wrap=True)
+        return
     if not client or not (out / key_files.BRIDGE).exists():
         folder = key_files.make_bridge(out)
         console.print(f"for the bridge: [b]--keys {escape(str(folder))}[/b]", soft_wrap=True)

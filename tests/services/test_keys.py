@@ -236,3 +236,18 @@ def test_keys_in_a_file_s_place_are_refused_for_what_it_is(tmp_path: Path) -> No
     (tmp_path / "a_file").write_text("")
     with pytest.raises(keys.KeysError, match=r"a_file.bridge: .*; choose another --out"):
         keys.make_bridge(tmp_path / "a_file")
+
+
+def test_keys_that_are_there_are_said_and_no_fault_to_ask_for_again(tmp_path: Path) -> None:
+    app = typer.Typer()
+    app.command()(command)
+    folder = tmp_path / "keys"
+    ask = ["--out", str(folder), "--client", "worker", "--client", "console"]
+    assert CliRunner().invoke(app, ask).exit_code == 0
+    before = contents(folder)
+    again = CliRunner().invoke(app, ask)
+    assert again.exit_code == 0
+    assert "already" in again.output
+    assert contents(folder) == before
+    (folder / "worker" / "client.key_secret").unlink()
+    assert isinstance(CliRunner().invoke(app, ask).exception, KeysError)

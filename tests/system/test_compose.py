@@ -240,6 +240,7 @@ def test_every_service_that_goes_on_is_looked_after() -> None:
         if name != "keys":
             assert service["restart"] == "unless-stopped", name
             assert service["healthcheck"]["test"], name
+            assert {"max-size", "max-file"} <= set(service["logging"]["options"]), name
 
 
 def test_every_path_is_one_that_a_container_has() -> None:
