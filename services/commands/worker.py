@@ -121,7 +121,9 @@ def worker(
             if live:
                 from services.worker import live as live_worker
 
-                how = live_worker.LiveWorkerSettings(job, frozenset(save), out, seconds, resume, hosted=control is not None)
+                how = live_worker.LiveWorkerSettings(
+                    job, frozenset(save), out, seconds, resume, hosted=control is not None
+                )
                 server = None if server_keys is None else key_files.load_server(server_keys)
                 summary = live_worker.run(
                     reader, rendering, path, how, stop, log, frames=frames, control=control, keys=server

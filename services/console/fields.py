@@ -36,6 +36,7 @@ SLIDERS = {
     "observer.particles": (0.0, 5000.0),
     "observer.particle_mm": (0.005, 0.2),
     "plan.budget_ms": (5.0, 500.0),
+    "rod_noise.seed": (0.0, 100.0),
     "tone.white": (0.5, 100.0),
     "display.peak_cd_m2": (50.0, 2000.0),
     "display.surround_cd_m2": (0.0, 500.0),
@@ -97,7 +98,7 @@ def _field(path: str, group: str, kind: types.Type, default: Any, sentence: str)
     match kind:
         case types.FloatType() | types.IntType():
             whole = isinstance(kind, types.IntType)
-            low, high = (kind.gt if kind.ge is None else kind.ge), kind.le
+            low, low_open, high = _range(kind, whole)
             start, end = SLIDERS.get(path, (low, high))
             return Field(
                 path,
@@ -108,7 +109,7 @@ def _field(path: str, group: str, kind: types.Type, default: Any, sentence: str)
                 sentence,
                 low=low,
                 high=high,
-                low_open=kind.ge is None and kind.gt is not None,
+                low_open=low_open,
                 slider=SLIDERS.get(path),
                 step=1 if whole else _step(start, end),
                 log=start is not None and end is not None and start > 0 and end >= _LOG_RATIO * start,
@@ -124,6 +125,16 @@ def _field(path: str, group: str, kind: types.Type, default: Any, sentence: str)
         case types.StrType():
             return Field(path, group, label, "text", default, sentence)
     raise TypeError(f"{path}: nothing to move for {kind}")
+
+
+def _range(kind: types.FloatType | types.IntType, whole: bool) -> tuple[float | None, bool, float | None]:
+    """The lowest value, whether it is itself too low, and the highest one."""
+    low, high, low_open = kind.ge, kind.le, False
+    if low is None and kind.gt is not None:
+        low, low_open = (kind.gt + 1, False) if whole else (kind.gt, True)
+    if high is None and kind.lt is not None:
+        high = kind.lt - 1 if whole else math.nextafter(kind.lt, -math.inf)
+    return low, low_open, high
 
 
 def _label(name: str) -> str:

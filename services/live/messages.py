@@ -97,7 +97,7 @@ class LatencyMs(msgspec.Struct, frozen=True):
     state_to_frame: float
     """Until the worker began a frame with it."""
     frame_to_sink: float
-    """Until the frame was published and kept."""
+    """Until the frame was kept and its pictures published."""
 
     @property
     def total(self) -> float:

@@ -266,20 +266,23 @@ class LiveWorker:
                 fps=self._job.fps,
                 reached_fps=self._reached_fps(),
                 dropped=self._dropped,
-                latency=self._latency(begun_ns, kept_ns),
+                latency=lambda: self._latency(begun_ns),
                 sink_ms=(kept_ns - sink_ns) / 1e6,
                 take=self._take.folder,
                 trouble=self._trouble(),
             )
-        self._take.note(rendered, self._latency(begun_ns, time.monotonic_ns()))
+        self._take.note(rendered, self._latency(begun_ns))
 
-    def _latency(self, begun_ns: int, done_ns: int) -> LatencyMs | None:
+    def _latency(self, begun_ns: int) -> LatencyMs | None:
+        """Up to now, when a frame is kept and its pictures are published."""
         state, sent_ns = self._state, self._reader.newest_sent_ns
         if state is None or sent_ns is None or begun_ns - state.t_ns > STALE_NS:
             return None
         if not state.t_ns <= sent_ns <= begun_ns:
             return None  # not of this machine's clock
-        return LatencyMs((sent_ns - state.t_ns) / 1e6, (begun_ns - sent_ns) / 1e6, (done_ns - begun_ns) / 1e6)
+        return LatencyMs(
+            (sent_ns - state.t_ns) / 1e6, (begun_ns - sent_ns) / 1e6, (time.monotonic_ns() - begun_ns) / 1e6
+        )
 
     def _reached_fps(self) -> float:
         """Of the last second or so; frames that wait for the next one to be shown count as late."""

@@ -11,7 +11,7 @@ what the kernel buffers for a connection.
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import msgspec
 import numpy as np
@@ -112,14 +112,15 @@ class LivePublisher:
         fps: float,
         reached_fps: float,
         dropped: int,
-        latency: LatencyMs | None,
+        latency: Callable[[], LatencyMs | None],
         sink_ms: float,
         take: str | None,
         trouble: str | None,
     ) -> None:
         """Makes and sends what is wanted of a frame; does not wait. To be called once for each frame.
 
-        `eyes` are those of the frame's images, `t_ns` is when it was begun, `sink_ms` what keeping it took.
+        `eyes` are those of the frame's images, `t_ns` is when it was begun, `latency` is what it is by now, `sink_ms`
+        what keeping it took.
         """
         self.attend()
         display = settings.display
@@ -150,7 +151,7 @@ class LivePublisher:
                     fps=fps,
                     reached_fps=reached_fps,
                     dropped=dropped,
-                    latency=latency,
+                    latency=latency(),
                     take=take,
                     trouble=trouble,
                 ),

@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterable
 import numpy as np
 from msgspec.structs import replace
 
-from pipeline import Frame, GlareLevel, Looking, Perceived, Planning, RenderState, View, perceive
+from pipeline import Frame, GlareLevel, Looking, Perceived, Planning, RenderState, View, as_displayed, perceive
 from pipeline.budget import SHIPPED, Choice, CostModel, Timing, corrected
 from pipeline.optics.living import Kick
 from pipeline.plan import SKIPPED
@@ -82,7 +82,8 @@ class Rendering:
         """Compiles the scene and every effect before the clock runs; returns the seconds it took.
 
         A lamp too bright for float32 compiles another way of glare, a pupil between two computed ones makes a kernel
-        of two, a budget may choose other levels, and dark tiles alone and fades are compiled apart.
+        of two, a budget may choose other levels, and dark tiles alone and fades are compiled apart. So is the picture
+        on the display, for whoever wants to see it.
         """
         begun = time.perf_counter()
         perception, view, eyes = self.perception, self._view, self._eyes
@@ -103,6 +104,7 @@ class Rendering:
         fading = {"acuity": Choice(perception.acuity.method.value, SKIPPED, 0.5)}
         before = RenderState((1.0,) * len(eyes), choices=fading)
         _perceive(bright, (Looking(pupil_mm=4.0),) * len(eyes), perception, before, 0.0)
+        as_displayed(bright, perception.display)
         return time.perf_counter() - begun
 
 

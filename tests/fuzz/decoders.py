@@ -10,6 +10,8 @@ from typing import NamedTuple
 
 import msgpack
 
+from services.console.requests import RequestError, decode_request
+from services.live import messages
 from services.settings import SettingsError
 from services.settings import load as load_settings
 from tracker_bridge import wire
@@ -31,6 +33,12 @@ from tracker_bridge.sources.usb_file import open_usb_file
 from tracker_bridge.sources.usb_stream import Connection, PacketStream
 from tracker_bridge.sources.usb_twin_descriptors import PACKET_BYTES
 from tracker_bridge.sources.usb_twin_report import DESCRIPTOR, tracking_report
+
+PAGE_REQUESTS = (
+    b'{"do": "perceive", "id": 1, "changes": {"observer.age_years": 61}}',
+    b'{"do": "start", "id": 2, "choice": {"source": "capture"}}',
+    b'{"do": "watch", "id": 3, "perceived": true, "displayed": false}',
+)
 
 
 class Decoder(NamedTuple):
@@ -77,6 +85,14 @@ def _packets(data: bytes) -> object:
     return [stream.add(data[at : at + PACKET_BYTES], at) for at in range(0, len(data), PACKET_BYTES)]
 
 
+def _picture(data: bytes) -> object:
+    return messages.decode(data, messages.Picture).image
+
+
+def _shown(data: bytes) -> object:
+    return messages.decode(data, messages.Shown)
+
+
 def _framed(topic: bytes, payload: bytes) -> bytes:
     return bytes([len(topic)]) + topic + payload
 
@@ -107,6 +123,8 @@ def decoders() -> dict[str, Decoder]:
     ]
     table = b"t_s,left_mm,right_mm\n0.0,3.0,3.1\n0.01,3.0,3.2\n"
     table_map = b'delimiter = ","\n[time]\ncolumn = "t_s"\nunit = "s"\n'
+    picture = messages.Picture(1, 2, 1, 1, "srgb", "uint8", b"abc")
+    shown = messages.Shown(1, 0.1, 2, 3, 4, (), (), 0.5, {}, None, 24.0, 24.0, 0, messages.LatencyMs(1, 2, 3), None)
     source, wrong = (SourceError,), (wire.WireError,)
     report = tracking_report([PupilSample(0, Eye.LEFT, 4.0, 1.0), GazeSample(0, None, 1.0, 2.0, 1.0)], 5, 1)
     return {
@@ -124,5 +142,8 @@ def decoders() -> dict[str, Decoder]:
         "report descriptor": Decoder(EyeTrackerReports, (HidDescriptorError,), [DESCRIPTOR]),
         "USB packets": Decoder(_packets, (), [report * 3]),
         "USB capture": Decoder(_file("capture", open_usb_file), source, [b""]),
+        "worker's picture": Decoder(_picture, (messages.MessageError,), [messages.encode(picture)]),
+        "worker's figures": Decoder(_shown, (messages.MessageError,), [messages.encode(shown)]),
+        "page's request": Decoder(decode_request, (RequestError,), PAGE_REQUESTS),
         "settings": Decoder(_file("settings.toml", load_settings), (SettingsError,), [b"[observer]\nage_years = 30\n"]),
     }

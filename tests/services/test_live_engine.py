@@ -60,7 +60,7 @@ def as_an_engine_shows_it(rendered: Rendered, wanted: Settings, folder: Path) ->
                 fps=24.0,
                 reached_fps=24.0,
                 dropped=0,
-                latency=None,
+                latency=lambda: None,
                 sink_ms=0.0,
                 take=None,
                 trouble=None,

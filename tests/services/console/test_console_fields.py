@@ -1,8 +1,11 @@
 """Settings as things to move: all of them, with ranges that hold."""
 
+from typing import Annotated
+
 import msgspec
 import pytest
 
+from services.console import fields as module
 from services.console.fields import FIRST, SLIDERS, changed, fields
 from services.settings import Settings
 
@@ -37,6 +40,19 @@ def test_sentences_come_from_the_records() -> None:
     assert by_path["plan.budget_ms"].low_open
     assert [value for value, _ in by_path["observer.iris"].options] == ["dark", "brown", "green", "blue"]
     assert "glare" in dict(by_path["plan.leave_out"].options)
+
+
+def test_limits_that_are_not_values_themselves_are_honoured() -> None:
+    class Limited(msgspec.Struct):
+        whole: Annotated[int, msgspec.Meta(gt=2, lt=8)] = 3
+        broken: Annotated[float, msgspec.Meta(gt=0.0, lt=1.0)] = 0.5
+
+    whole, broken = module._of(Limited, "", "")
+    assert (whole.low, whole.high, whole.low_open) == (3, 7, False)
+    assert (broken.low, broken.low_open) == (0.0, True)
+    assert broken.high is not None
+    assert 0.999999 < broken.high < 1.0
+    assert next(field for field in fields() if field.path == "rod_noise.seed").high == 2**32 - 1
 
 
 @pytest.mark.parametrize("field", NUMBERS, ids=lambda field: field.path)

@@ -70,6 +70,8 @@ def test_both_pupils_lost_is_an_error_for_each() -> None:
 def test_the_worst_comes_first() -> None:
     found = problems(snapshot(dropped_share=0.5, free_bytes=1, lost_s={"left": 9.0}))
     assert [problem.severity for problem in found] == ["error", "warning", "warning"]
+    crashed = problems(snapshot(host=host("bridge", "restarting"), latency_p95_ms=400.0, lost_s={"left": 9.0}))
+    assert [problem.name for problem in crashed] == ["bridge restarting", "pupil lost left", "late"]
 
 
 @pytest.mark.parametrize(
