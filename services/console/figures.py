@@ -23,7 +23,6 @@ class Figures:
     """Of one session; for one thread. Times are `time.monotonic`'s."""
 
     def __init__(self) -> None:
-        self.state: EyeState | None = None
         self.state_s: float | None = None
         """When the newest state came."""
         self.shown: Shown | None = None
@@ -35,7 +34,7 @@ class Figures:
 
     def add_state(self, state: EyeState, now_s: float) -> None:
         """One that came now."""
-        self.state, self.state_s = state, now_s
+        self.state_s = now_s
         self._came_s.append(now_s)
         for eye in Eye:
             name = eye.name.lower()
@@ -61,11 +60,6 @@ class Figures:
     def lost_s(self, now_s: float) -> dict[str, float]:
         """For how long each lost eye has been lost."""
         return {eye: now_s - since_s for eye, since_s in dict(self._lost_since_s).items()}
-
-    def phases(self) -> dict[str, str]:
-        """Of each eye, now."""
-        state = self.state
-        return {} if state is None else {eye.name.lower(): state.of(eye).phase.value for eye in Eye}
 
     def dropped_share(self, now_s: float) -> float:
         """Of the frames that were due in the last ten seconds."""

@@ -119,6 +119,9 @@ class Live:
     async def _tick(self) -> None:
         while True:
             await self._follow()
+            for each in (self._feed, self._pictures):
+                if each is not None and each.error is not None:
+                    raise each.error
             self._take_over_settings()
             if self.viewers.pages:
                 self.viewers.newest("status", protocol.encode(self.status()))
@@ -131,6 +134,8 @@ class Live:
             return
         assert self._loop is not None
         await self._loop.run_in_executor(self._pool, self._stop_reading)
+        # What was wrong with the session that is over says nothing of the next one.
+        self._figures, self._trouble = Figures(), None
         if addresses is None:
             return
         places = self.places
@@ -138,7 +143,7 @@ class Live:
             self._feed = Feed(addresses, self._zero_s, self._hear, places.bridge_keys, places.worker_keys)
             wanted, peak = self.viewers.wanted, self._peak_cd_m2
             self._pictures = Pictures(addresses.frames, wanted, self._hear_picture, peak, places.worker_keys)
-            self._figures, self._trouble = self._feed.figures, None
+            self._figures = self._feed.figures
         except zmq.ZMQError as error:
             self._trouble = f"an address cannot be connected to: {error.strerror}"
 
@@ -223,7 +228,6 @@ class Live:
             host_silent_s=self._host.silent_s,
             bridge_silent_s=self._bridge.silent_s,
             worker_silent_s=self._worker.silent_s,
-            phases=figures.phases(),
             lost_s=figures.lost_s(now_s),
             states_silent_s=None if figures.state_s is None else now_s - figures.state_s,
             frames_silent_s=None if figures.shown_s is None else now_s - figures.shown_s,
@@ -268,6 +272,7 @@ class Live:
             pages=len(self.viewers),
             problems=problems(now),
             root=host.root if host is not None else None,
+            state=host.state if host is not None else None,
         )
 
     def _take_now(self, name: str | None) -> str | None:

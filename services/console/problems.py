@@ -20,6 +20,8 @@ LATE_MS = 250.0
 """A blink lasts that long: what is shown belongs to another moment. Engineering choice."""
 LITTLE_BYTES, VERY_LITTLE_BYTES = 2_000_000_000, 200_000_000
 """An hour's take and a minute's, roughly."""
+TAKEN_BACK = "settings were taken back"
+"""Words of services/worker/live.py, after all that is wrong with its take."""
 _RANK = {"error": 0, "warning": 1, "note": 2}
 
 
@@ -117,11 +119,19 @@ def _of_disk(now: Snapshot) -> Iterator[Problem]:
         ("bridge", now.bridge.trouble if now.bridge else None),
         ("worker", now.trouble or (now.worker.trouble if now.worker else None)),
     ):
-        if trouble:
+        kept, taken_back, why = (trouble or "").partition(TAKEN_BACK)
+        if taken_back:
+            yield Problem(
+                "settings taken back",
+                "warning",
+                _sentence(f"The last {taken_back}{why}"),
+                "Those from before go on. Choose other values under Settings.",
+            )
+        if kept := kept.rstrip("; "):
             yield Problem(
                 f"{name} trouble",
                 "error",
-                _sentence(f"The {name} says: {trouble}"),
+                _sentence(f"The {name} says: {kept}"),
                 "What was kept before is whole. Make room or mend it, then Record again.",
             )
 

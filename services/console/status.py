@@ -35,6 +35,7 @@ class HostSays(msgspec.Struct, frozen=True):
     """A host's status; unknown keys are passed over, here and below."""
 
     running: bool = False
+    state: str | None = None
     choice: dict[str, Any] | None = None
     started: str | None = None
     folder: str | None = None
@@ -103,8 +104,6 @@ class Snapshot(msgspec.Struct, frozen=True, kw_only=True):
     """Since it last answered."""
     bridge_silent_s: float = 0.0
     worker_silent_s: float = 0.0
-    phases: dict[str, str] = {}
-    """Of each eye, left and right, in the newest state."""
     lost_s: dict[str, float] = {}
     """For how long each lost eye has been lost."""
     states_silent_s: float | None = None

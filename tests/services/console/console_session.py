@@ -61,12 +61,12 @@ def state(sequence: int, phase: Phase = Phase.TRACKING) -> EyeState:
     return EyeState(sequence, now_ns, one, one, Direction(3.0, -1.0, now_ns))
 
 
-def shown(frame: int) -> Shown:
+def shown(frame: int, trouble: str | None = None) -> Shown:
     eye = EyeShown("left", "tracking", (3.0, -1.0), (20.0, 12.0), 4.0, 0.9, 5.0, 5.0, 900.0)
     step = StepShown("glare", "window", True, "a lamp", 3.0, 12.0)
     return Shown(
         frame, frame / 24, time.monotonic_ns(), 32, 24, (eye,), (step,), 0.5, {"glare": 12.0}, None, 24.0, 23.9, 0,
-        LatencyMs(3.0, 8.0, 25.0), None,
+        LatencyMs(3.0, 8.0, 25.0), None, trouble,
     )  # fmt: skip
 
 
@@ -89,6 +89,7 @@ class MadeUpSession:
         self.worker_data: dict[str, Any] = {"scene": "nothing", "fps": 24.0, "reached_fps": 23.9, "dropped": 0}
         self.host_data: dict[str, Any] = {"running": True, "started": "now", "processes": {}}
         self.refusal: str | None = None
+        self.trouble: str | None = None
         self.phase = Phase.TRACKING
         self.frame_px = (64, 48)
         self.wanted: set[bytes] = set()
@@ -140,7 +141,7 @@ class MadeUpSession:
             said = self.frames.recv()
             (self.wanted.add if said[:1] == b"\x01" else self.wanted.discard)(said[1:])
         self.frame += 1
-        self.frames.send_multipart([SHOWN, messages.encode(shown(self.frame))])
+        self.frames.send_multipart([SHOWN, messages.encode(shown(self.frame, self.trouble))])
         for topic in (PERCEIVED, DISPLAYED):
             if topic in self.wanted:
                 self.frames.send_multipart([topic, messages.encode(picture(self.frame, *self.frame_px))])

@@ -10,6 +10,7 @@ import pytest
 from console_session import MS, PATIENCE_S, MadeUpSession, Served, never, wait_for
 
 from services.console.feed import KEPT_S, Timeline
+from services.console.figures import Figures
 from services.console.listing import listed
 from services.console.live import Live, Places
 from tracker_bridge.wire import NS_PER_S, BlinkOffset, Eye, TaskKind, TaskOutcome, TrackerTask
@@ -67,6 +68,18 @@ def test_a_server_that_feeds_no_pages_any_more_ends(attached: Served, monkeypatc
     wait_for(lambda: not attached.server.lives, "the server's end")
     assert attached.server.trouble == "too many open files"
     assert health(attached) != 200
+
+
+def test_a_thread_that_broke_ends_the_server_too(attached: Served, monkeypatch: pytest.MonkeyPatch) -> None:
+    def broken(self: Figures, *_: object) -> None:
+        raise RuntimeError("out of memory")
+
+    with attached.page() as page:
+        page.until("traces", lambda message: message["t_s"])
+        monkeypatch.setattr(Figures, "add_state", broken)
+        page.read_to_the_end()
+    wait_for(lambda: not attached.server.lives, "the server's end")
+    assert attached.server.trouble == "out of memory"
 
 
 def test_links_that_lead_out_are_left_out_and_the_rest_is_listed(tmp_path: Path) -> None:

@@ -228,6 +228,16 @@ def test_it_follows_a_session_that_begins_later(hosted: Served, session: MadeUpS
         page.until("shown")
 
 
+def test_what_was_wrong_with_a_session_ends_with_it(hosted: Served, session: MadeUpSession) -> None:
+    session.host_data["state"] = "running"
+    session.trouble = "disk full"
+    with hosted.page() as page:
+        told = page.until("status", lambda message: any(one["name"] == "worker trouble" for one in message["problems"]))
+        assert told["state"] == "running"
+        session.host_data = {"running": False, "state": "idle"}
+        page.until("status", lambda message: [one["name"] for one in message["problems"]] == ["nothing runs"])
+
+
 def settings_of(age_years: float, particles: int) -> dict[str, Any]:
     changes = {"observer.age_years": age_years, "observer.particles": particles}
     return msgspec.to_builtins(changed(Settings(), changes), order="deterministic")  # type: ignore[no-any-return]

@@ -103,6 +103,16 @@ def test_one_cause_is_said_once() -> None:
     assert [one.name for one in problems(snapshot(host=crashed))] == ["worker restarting"]
 
 
+def test_settings_that_were_taken_back_have_a_remedy_of_their_own() -> None:
+    said = "disk full; settings were taken back, since they cannot be rendered: no memory"
+    both = problems(snapshot(worker=WorkerSays(trouble=said)))
+    assert [one.name for one in both] == ["worker trouble", "settings taken back"]
+    assert both[0].what == "The worker says: disk full."
+    (alone,) = problems(snapshot(worker=WorkerSays(trouble=said.partition("; ")[2])))
+    assert alone.what == "The last settings were taken back, since they cannot be rendered: no memory."
+    assert "Record" not in alone.remedy
+
+
 def test_what_a_process_says_is_read_with_care() -> None:
     assert read({"source": "eyes", "new key": 1}, BridgeSays) == BridgeSays(source="eyes")
     assert read({"rate_hz": "fast"}, BridgeSays) is None
