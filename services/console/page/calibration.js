@@ -5,10 +5,12 @@ import { say } from "./say.js";
 import { openTab } from "./tabs.js";
 
 const STAGES = {
-  ready: "Waiting for Start on the participant's screens.", "waiting for the display": "Waiting for the participant's screens.",
-  paused: "Paused on the participant's screens; Go on there starts the screen anew.", ending: "That was all. Working it out…",
+  ready: "Waiting for Start, on the participant's screens or here.", "waiting for the display": "Waiting for the participant's screens.",
+  paused: "Paused; Go on, there or here, starts the screen anew.", ending: "That was all. Working it out…",
   "working it out": "Working it out…",
 };
+
+const WAITS = ["ready", "paused"];  // for Start, there or here
 
 export function watchCalibration(connection) {
   let screens_url = null, running = false, calibrating = null, told = null;
@@ -20,28 +22,35 @@ export function watchCalibration(connection) {
   const begin = make("button", { id: "calibration-begin", class: "main", onclick: start }, "Begin and open the screens");
   const stop = make("button", { id: "calibration-stop", onclick: end, disabled: true }, "Break off");
   const open = make("a", { id: "calibration-screens", target: "entoptic-screens" }, "Open the screens again");
-  const stage = make("p", { id: "calibration-stage", role: "status" });
+  const go = make("button", { id: "calibration-go", onclick: begun, disabled: true }, "Start the screens");
+  const stage = make("span", { id: "calibration-stage", role: "status" }), left = make("span", { id: "calibration-left" });
   const bar = make("progress", { id: "calibration-bar", max: 1, value: 0, "aria-label": "Progress of the calibration" });
   const result = make("section", { id: "calibration-result", "aria-label": "Result" });
   const hint = make("p", { class: "soft" }, "Both pupils are to be seen in the traces, below the screens that are shown. ", open);
-  const going = make("div", {}, stage, bar, hint);
+  const going = make("div", {}, make("p", {}, stage, " ", left), bar, hint);
   const wishes = make("section", { "aria-label": "How" }, field("Protocol", protocol), field("Eyes", eyes), field("White, s", white_s),
     field("Black, s", black_s), field("Map millimetres", map_mm), field("Name", name));
   byId("panel-calibration").append(
     make("p", { class: "soft" }, "White and black screens on a display before the participant. Dim the room; the screens open in a window of their own: move it there, then press Start in it."),
-    make("div", { class: "row" }, begin, stop), going, result, wishes, gaze(connection));
+    make("div", { class: "row" }, begin, go, stop), going, result, wishes, gaze(connection));
 
   async function start() {
     for (const input of [white_s, black_s, name]) if (!input.reportValidity()) return;
     // At once, or the browser takes the window for one that nobody wanted.
     if (screens_url) window.open(screens_url, "entoptic-screens", "popup,width=900,height=700");
     const number = (input) => (input.value === "" ? null : Number(input.value));
-    const { done, reply } = await connection.ask("calibrate pupils", {
+    const wish = {
       name: name.value, protocol: protocol.value, eyes: eyes.value, map_mm: map_mm.checked, white_s: number(white_s), black_s: number(black_s),
-    });
+    };
+    let { done, reply, data } = await connection.ask("calibrate pupils", wish);
+    if (!done && data?.exists && confirm(`There is a pupil map ${name.value} already. Replace it, if this run is valid?`)) {
+      ({ done, reply } = await connection.ask("calibrate pupils", { ...wish, overwrite: true }));
+    }
     say(reply);
     if (!done) setText(stage, reply);
   }
+
+  async function begun() { say((await connection.ask("start screens")).reply); }
 
   async function end() { say((await connection.ask("stop calibrating pupils")).reply); }
 
@@ -49,13 +58,17 @@ export function watchCalibration(connection) {
     const busy = calibrating !== null;
     begin.disabled = !running || busy || screens_url === null;
     stop.disabled = !busy;
+    go.disabled = !busy || !WAITS.includes(calibrating.stage) || calibrating.display === false;
+    setText(go, calibrating?.stage === "paused" ? "Go on" : "Start the screens");
     bar.hidden = hint.hidden = !busy;
     wishes.hidden = busy;
+    setText(left, "");
     if (!busy) { setText(stage, running ? "" : "Start a session first: its tracker sees the pupils."); return; }
     const { screen, step, steps, seconds_done, seconds: all } = calibrating;
     bar.value = all ? seconds_done / all : 0;
-    const shown = `Screen ${step} of ${steps}: ${screen}. ${Math.max(all - seconds_done, 0).toFixed(0)} s left.`;
-    const words = STAGES[calibrating.stage] ?? shown;
+    const words = STAGES[calibrating.stage] ?? `Screen ${step} of ${steps}: ${screen}.`;
+    // Beside what is read aloud: it changes all the time.
+    if (!(calibrating.stage in STAGES)) setText(left, `${Math.max(all - seconds_done, 0).toFixed(0)} s left.`);
     setText(stage, calibrating.display === false ? `${words} No screens are open yet.` : words);
   }
 

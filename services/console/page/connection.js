@@ -76,8 +76,20 @@ export class Connection {
     this.#waiting.clear();
     const again = goodbye?.again ?? event.code !== 1008;
     const wait_ms = AGAIN_MS[Math.min(this.#tries++, AGAIN_MS.length - 1)];
-    if (again) this.#timer = setTimeout(() => this.connect(), wait_ms);
+    if (again) this.#timer = setTimeout(() => this.#again(), wait_ms);
     this.#tell("lost", { reason: goodbye?.reason || event.reason || "", again });
+  }
+
+  // A socket that is refused says no reason; a page that is refused does.
+  async #again() {
+    try {
+      const { status } = await fetch("/", { method: "HEAD", cache: "no-store", signal: AbortSignal.timeout(SILENT_MS) });
+      if (status === 401) {
+        this.#tell("lost", { reason: "it asks for another token than this page has", again: false });
+        return;
+      }
+    } catch { /* nobody answers: the socket will say so */ }
+    this.connect();
   }
 
   #watch() {

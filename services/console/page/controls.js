@@ -4,9 +4,11 @@ import { byId, setText } from "./make.js";
 import { say } from "./say.js";
 import { openTab } from "./tabs.js";
 
+const SURE_MS = 4000;
+
 export function watchControls(connection, session) {
   const start = byId("start"), record = byId("record");
-  let hello = null, status = null, busy = null;
+  let hello = null, status = null, busy = null, came = false, sure_ms = -Infinity;
 
   async function doing(what, request, values) {
     busy = what;
@@ -20,15 +22,25 @@ export function watchControls(connection, session) {
   }
 
   async function startOrStop() {
-    if (start.disabled) return;
+    if (start.disabled || start.hidden) return;
     if (status.running) { await doing("Stopping", "stop"); openTab("facts"); return; }
     if (!session.form.checkValidity()) { openTab("session"); session.form.reportValidity(); return; }
     if (!(await doing("Starting", "start", { choice: session.choice() }))) openTab("session");
     else openTab("facts");
   }
 
+  // A key is pressed sooner by mistake than a button: while something is kept it takes two.
+  async function startOrStopByKey() {
+    const sure = performance.now() - sure_ms < SURE_MS;
+    sure_ms = -Infinity;
+    if (status?.running && status.take !== null && !sure && !start.disabled && !start.hidden) {
+      sure_ms = performance.now();
+      say("A take is being recorded. Press s once more to end it and the session.");
+    } else await startOrStop();
+  }
+
   async function recordOrNot() {
-    if (record.disabled) return;
+    if (record.disabled || record.hidden) return;
     if (status.take === null) await doing("Beginning to record", "record", { name: session.takeName() });
     else await doing("Finishing the take", "stop record");
   }
@@ -54,7 +66,8 @@ export function watchControls(connection, session) {
   connection.on("open", (message) => { hello = message; show(); });
   connection.on("status", (message) => {
     // Somebody who comes before anything runs wants to start something.
-    if (status === null && !message.running && hello.hosted) openTab("session");
+    if (!came && !message.running && hello.hosted) openTab("session");
+    came = true;
     status = message;
     show();
   });
@@ -66,17 +79,16 @@ export function watchControls(connection, session) {
   });
   start.addEventListener("click", startOrStop);
   record.addEventListener("click", recordOrNot);
-  return { startOrStop, recordOrNot };
+  return { startOrStopByKey, recordOrNot };
 }
 
 function standing(status) {
   if (!status.running) return ["idle", "Nothing runs. Choose eyes and a scene under Session, then Start."];
   const what = `${status.source ?? "eyes"} before ${status.scene ?? "a scene"}`;
-  if (status.processes.some(({ state }) => state === "stopped")) return ["waiting", "Ending; what was kept is being made whole."];
+  if (status.state === "stopping") return ["waiting", "Ending; what was kept is being made whole."];
   if (status.fps === null) return ["waiting", "Starting: eyes and scene are being opened."];
   if (status.preparing) return ["waiting", `Being prepared: ${what}. The first frame takes up to a minute.`];
   if (status.problems.some(({ severity }) => severity === "error")) return ["bad", `Running, but something is wrong: ${what}`];
-  const rate = status.reached_fps === null ? "" : `, ${status.reached_fps.toFixed(0)} frames a second`;
   const well = status.problems.every(({ severity }) => severity === "note");
-  return [well ? "good" : "warn", `${status.take === null ? "Running" : `Recording into ${status.take}`}: ${what}${rate}`];
+  return [well ? "good" : "warn", `${status.take === null ? "Running" : `Recording into ${status.take}`}: ${what}`];
 }

@@ -20,6 +20,8 @@ export function listenForKeys(actions) {
 
 function typing({ target, key }) {
   if (target.matches("input:not([type=checkbox], [type=range]), select, textarea")) return true;
+  // Whoever moves a slider or goes from tab to tab may hit a letter.
+  if (/^[a-z]$/.test(key) && target.matches("input[type=range], [role=tab]")) return true;
   // Space presses what has the focus.
   return key === " " && target.matches("button, input, summary, a, [role=tab]");
 }

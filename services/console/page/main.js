@@ -25,7 +25,7 @@ const controls = watchControls(connection, sessionForm(connection));
 const calibration = watchCalibration(connection);
 byId("calibrate").addEventListener("click", calibration.open);
 listenForKeys({
-  s: ["start or stop the session", controls.startOrStop],
+  s: ["start or stop the session", controls.startOrStopByKey],
   r: ["begin or end a take", controls.recordOrNot],
   c: ["calibrate pupils", calibration.open],
   " ": ["pause the traces, or go on", () => byId("pause").click()],

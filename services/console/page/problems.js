@@ -1,4 +1,5 @@
-// What is wrong and what to do, the worst first; those that last are not said again to those who listen.
+// What is wrong and what to do, the worst first. Those who listen are told each one once, when it begins: the figures
+// in its sentence go on changing.
 import { byId, make, setText } from "./make.js";
 
 const SIGNS = { error: ["bad", "Wrong: "], warning: ["warn", "Take care: "], note: ["note", "Note: "] };
@@ -10,6 +11,7 @@ export function watchProblems(connection) {
 
   function show() {
     const wanted = [...ours, ...theirs];
+    const news = wanted.filter(({ name, severity }) => severity !== "note" && !shown.has(name));
     for (const [name, element] of shown) {
       if (!wanted.some((problem) => problem.name === name)) { element.remove(); shown.delete(name); }
     }
@@ -22,6 +24,8 @@ export function watchProblems(connection) {
       setText(element.querySelector(".what"), problem.what);
       setText(element.querySelector(".remedy"), problem.remedy);
     }
+    if (news.length) byId("problems-said").textContent = news.map(inWords).join(" ");
+    else if (wanted.every(({ severity }) => severity === "note")) byId("problems-said").textContent = "";
   }
 
   connection.on("status", ({ problems }) => { theirs = problems; show(); });
@@ -34,6 +38,8 @@ export function watchProblems(connection) {
     show();
   });
 }
+
+const inWords = ({ severity, what, remedy }) => `${(SIGNS[severity] ?? SIGNS.warning)[1]}${what} ${remedy}`;
 
 function entry({ name, severity }) {
   const [state, said] = SIGNS[severity] ?? SIGNS.warning;

@@ -3,7 +3,7 @@ import { control } from "./fields.js";
 import { byId, make, setText } from "./make.js";
 import { say } from "./say.js";
 
-const SETTLED_MS = 150;  // a slider that moves is told this often at most
+const EVERY_MS = 150;  // a slider that moves is told this often at most, and where it stops
 
 export function watchSettings(connection) {
   const panel = byId("panel-settings");
@@ -11,21 +11,37 @@ export function watchSettings(connection) {
   const body = make("div");
   const observer = observers(connection);
   panel.append(observer.element, body);
-  let waiting = {}, timer = 0, asked = 0;
+  let waiting = {}, out = {}, timer = 0, asking = false, in_force = null, built = "";
 
   async function send() {
-    const changes = waiting;
+    timer = 0;
+    asking = true;
+    out = waiting;
     waiting = {};
-    asked++;
-    const { done, reply } = await connection.ask("perceive", { changes });
-    asked--;
-    wrong(Object.keys(changes), done ? "" : reply);
+    const { done, reply } = await connection.ask("perceive", { changes: out });
+    const paths = Object.keys(out);
+    out = {};
+    asking = false;
+    wrong(paths, done ? "" : reply);
+    if (done) show(paths);
+    soon();
   }
+
+  // One request at a time: what moves on meanwhile goes with the next one.
+  function soon() { if (!timer && !asking && Object.keys(waiting).length) timer = setTimeout(send, EVERY_MS); }
 
   function changed(path, value) {
     waiting[path] = value;
-    clearTimeout(timer);
-    timer = setTimeout(send, SETTLED_MS);
+    soon();
+  }
+
+  function show(paths) {
+    if (in_force === null) return;
+    for (const path of paths) {
+      // What is being moved here is newer than what comes back.
+      if (path in waiting || path in out) continue;
+      controls.get(path)?.set(path.split(".").reduce((table, key) => table?.[key], in_force) ?? null);
+    }
   }
 
   function wrong(paths, why) {
@@ -37,6 +53,9 @@ export function watchSettings(connection) {
   }
 
   connection.on("fields", ({ fields }) => {
+    // The same ones after a connection was lost: what is folded open or being typed stays so.
+    if (JSON.stringify(fields) === built) return;
+    built = JSON.stringify(fields);
     body.replaceChildren();
     controls.clear();
     const folds = new Map();
@@ -62,11 +81,8 @@ export function watchSettings(connection) {
 
   connection.on("settings", ({ settings, observer: name }) => {
     observer.in_force(name);
-    for (const [path, { set }] of controls) {
-      // What is being moved here is newer than what comes back.
-      if (path in waiting || asked) continue;
-      set(path.split(".").reduce((table, key) => table?.[key], settings) ?? null);
-    }
+    in_force = settings;
+    show(controls.keys());
   });
 }
 

@@ -14,6 +14,13 @@ export class TraceStore {
     this.screens = [];  // {t_s, screen}; the newest holds on
   }
 
+  // What there is now, to be held while this goes on.
+  copy() {
+    const copy = new TraceStore();
+    for (const name of ["t_s", "eyes", "saccades", "screens"]) copy[name] = structuredClone(this[name]);
+    return copy;
+  }
+
   get newest_s() { return this.t_s.at(-1) ?? null; }
 
   // A state: {t_s, right: {mm, measured_mm, phase}, left: {…}}. Time that runs backwards begins a new trace.

@@ -16,7 +16,7 @@ export function watchTraces(connection) {
   const canvas = byId("traces-canvas"), pause = byId("pause");
   const calm = matchMedia("(prefers-reduced-motion: reduce)");
   let ahead_s = null;  // the server's clock less this page's
-  let paused_s = null, drawn_ms = 0, changed = true;
+  let paused_s = null, held = null, drawn_ms = 0, changed = true;
 
   const now_s = () => (ahead_s === null ? 0 : performance.now() / 1000 + ahead_s - BEHIND_S);
 
@@ -33,7 +33,7 @@ export function watchTraces(connection) {
       for (const eye of EYES) read(eye, traces[eye]);
       canvas.dataset.newest = store.newest_s;
     }
-    if (paused_s === null) store.trim(now_s());
+    store.trim(now_s());
     changed = true;
   });
   connection.on("marks", ({ marks }) => {
@@ -55,7 +55,7 @@ export function watchTraces(connection) {
     if (canvas.width !== width || canvas.height !== height) { canvas.width = width; canvas.height = height; }
     const context = canvas.getContext("2d");
     context.setTransform(ratio, 0, 0, ratio, 0, 0);
-    draw(context, canvas.clientWidth, canvas.clientHeight, store, paused_s ?? now_s(), inks);
+    draw(context, canvas.clientWidth, canvas.clientHeight, held ?? store, paused_s ?? now_s(), inks);
   }
 
   let inks = palette(canvas);
@@ -63,6 +63,7 @@ export function watchTraces(connection) {
   new ResizeObserver(() => { changed = true; }).observe(canvas);
   pause.addEventListener("click", () => {
     paused_s = paused_s === null ? now_s() : null;
+    held = paused_s === null ? null : store.copy();
     pause.setAttribute("aria-pressed", String(paused_s !== null));
     setText(pause, paused_s === null ? "Pause" : "Go on");
     changed = true;
