@@ -42,7 +42,7 @@ def refuse_unwritable(path: Path) -> None:
 
 def write(path: Path, settings: Settings) -> None:
     """Writes all settings as TOML: reading the file gives the same ones. Raises FrameError if it cannot."""
-    lines = ["# Settings of one person. Written by `entoptic psf`; every command takes them by --settings."]
+    lines = ["# Settings of one person; every command takes them by --settings."]
     _table(lines, msgspec.to_builtins(settings), "")
     file = WholeFile(path)
     try:
