@@ -15,6 +15,8 @@ from types import FrameType
 
 import structlog
 
+INTERRUPTED = 130
+"""The exit status of a command that Ctrl-C ended, as of a shell."""
 STOPS_WITHIN_S = 10.0
 """An encoder may have frames to flush; after that a process that was asked to stop is ended by force."""
 _M_TRIM_THRESHOLD, _M_MMAP_MAX = -1, -4

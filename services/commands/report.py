@@ -21,8 +21,8 @@ def report(
 
     if (host := status.host_that_writes(folder)) is not None:
         raise takes.TakeError(f"{folder} is being recorded now, by process {host}: stop that first")
-    finished = takes.finish(folder)
+    finished = takes.finish(folder, replaces=False)
     trouble = takes.draw_report(finished.folder)
     if trouble is not None:
         raise takes.TakeError(trouble)
-    console.print(f"look at: [b]{escape(str(finished.folder / 'report.html'))}[/b]", soft_wrap=True)
+    console.print(f"look at: [b]{escape(str(finished.folder / takes.REPORT))}[/b]", soft_wrap=True)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import contextlib
+from collections.abc import Iterator
 from datetime import datetime
 from pathlib import Path
 from typing import Annotated
@@ -42,12 +44,10 @@ from services.options import (
     Width,
     Without,
 )
-from services.process import Stop, prepare_jax
+from services.process import INTERRUPTED, Stop, prepare_jax
 from services.terminal import console
 from tracker_bridge.chain import Lane
 from tracker_bridge.sources.pupil_remote import DEFAULT_REMOTE
-
-INTERRUPTED = 130
 
 
 def session(
@@ -98,7 +98,8 @@ def session(
     if again is not None:
         from services.session import again as session_again
 
-        session_again.run(again, final, save, stop, console)
+        with _told_if_stopped():
+            session_again.run(again, final, save, stop, console)
         _say_where(final)
         return
     prepare_jax(renders=False)
@@ -150,11 +151,23 @@ def session(
         raise typer.Exit(attended.session(checked, final, web, stop, console))
     from services.session import offline as sessions
 
-    outcome = sessions.keep(checked, final, stop, console)
+    with _told_if_stopped():
+        outcome = sessions.keep(checked, final, stop, console)
     console.print(f"{outcome.worker.get('frames', 0)} frames perceived, {outcome.bridge.get('states', 0)} eye states")
     _say_where(final)
     if outcome.interrupted:
         raise typer.Exit(INTERRUPTED)
+
+
+@contextlib.contextmanager
+def _told_if_stopped() -> Iterator[None]:
+    from services.session.offline import StoppedError
+
+    try:
+        yield
+    except StoppedError as error:
+        console.print(str(error))
+        raise typer.Exit(INTERRUPTED) from None
 
 
 def _say_where(final: Path) -> None:

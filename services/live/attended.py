@@ -16,35 +16,36 @@ from services.live.checked import Checked
 from services.live.host import Host
 from services.live.messages import Shown
 from services.live.on_terminal import OnTerminal
-from services.live.takes import PARTIAL
+from services.live.takes import PARTIAL, REPORT, refuse
 from services.live.watching import Watching
 from services.live.web import Web
-from services.process import Stop
-from services.results.folder import refuse_foreign
-
-INTERRUPTED = 130
+from services.process import INTERRUPTED, Stop
 
 
 def session(checked: Checked, final: Path, web: Web | None, stop: Stop, console: Console) -> int:
-    """Runs a live session to its end, with a take from its first frame on; the exit status."""
-    refuse_foreign(final.resolve())
+    """Runs a live session to its end, with a take from its first frame on; the exit status.
+
+    Raises TakeError and ResultsFolderError where that cannot be kept, before anything is started.
+    """
+    refuse(final)
     with _host(final.parent, web, console) as host:
         kept = host.begin(checked, record_to=final)
         console.print("[dim]Ctrl-C ends it[/dim]")
         _attend(host, stop, console, lambda: host.session is kept)
         if kept.last_folder is not None:
             console.print(f"results: [b]{escape(str(kept.last_folder))}[/b]", soft_wrap=True)
-            if (kept.last_folder / "report.html").exists():
-                console.print(f"look at: [b]{escape(str(kept.last_folder / 'report.html'))}[/b]", soft_wrap=True)
+            if (kept.last_folder / REPORT).exists():
+                console.print(f"look at: [b]{escape(str(kept.last_folder / REPORT))}[/b]", soft_wrap=True)
         trouble = kept.trouble
         if trouble is not None:
             console.print(f"[yellow]![/yellow] {escape(trouble)}", soft_wrap=True)
         unfinished = final.resolve().with_name(final.name + PARTIAL)
         for folder in (unfinished, kept.last_folder):
-            if folder is not None and folder.exists() and not (folder / "report.html").exists():
+            if folder is not None and folder.exists() and not (folder / REPORT).exists():
                 console.print(f"its report is still to be drawn: [b]entoptic report {escape(str(folder))}[/b]")
         _leave_at_once_if_busy(host, INTERRUPTED)
-        return INTERRUPTED if stop() else 1 if any(one.state == "failed" for one in kept.processes) else 0
+        failed = kept.last_folder is None or any(one.state == "failed" for one in kept.processes)
+        return INTERRUPTED if stop() else 1 if failed else 0
 
 
 def idle(root: Path, web: Web, stop: Stop, console: Console) -> None:

@@ -67,6 +67,8 @@ class Host:
         self._scratch = self._register()
         self._work = ThreadPoolExecutor(1, "host-work")
         self._checking: Future[Checked] | None = None
+        self._checks: list[Future[Checked]] = []
+        """That are not over: a check that nobody waits for any more still goes on."""
         self._web: Supervised | None = None
         if web is not None:
             arguments = functools.partial(web.arguments, self.control, root, self._scratch)
@@ -112,10 +114,13 @@ class Host:
 
     def start(self, choice: SessionChoice) -> Reply:
         """Starts a session. Raises what `check` does; where opening all takes long, that is told as trouble later."""
+        if self.session is not None and self.session.finishing is not None and self.session.state == "stopping":
+            return Reply(False, f"the last session is still finishing {self.session.finishing}: wait a moment")
         if self.session is not None or self._checking is not None:
             return Reply(False, "a session is running: stop it first")
         self.trouble = None
         self._checking = self._work.submit(check, choice)
+        self._checks = [one for one in (*self._checks, self._checking) if not one.done()]
         wait([self._checking], CHECK_ANSWERS_WITHIN_S)
         if self._checking.done():
             self._start_checked()
@@ -180,18 +185,21 @@ class Host:
     def end(self, *, interrupted: bool) -> None:
         """Ends everything within two seconds."""
         until_s = time.monotonic() + ALL_ENDS_WITHIN_S
+        if self._checking is not None:
+            self.stop_session()
         if self._web is not None:
             self._web.stop(PROCESSES_END_WITHIN_S)
-        if self.session is not None:
-            self.session.interrupted = interrupted
+        if self.session is not None and interrupted:
+            self.session.interrupt(PROCESSES_END_WITHIN_S)
+        elif self.session is not None:
             self.session.stop(PROCESSES_END_WITHIN_S)
         while time.monotonic() < until_s and (self.session is not None or (self._web and self._web.lives)):
             self.turn(5)
 
     @property
     def is_busy(self) -> bool:
-        """Whether a thread still works on a folder, after `end`: the last step of a report that takes long."""
-        return self.session is not None
+        """Whether a thread still works, after `end`: on a report that takes long, or on a choice that is checked."""
+        return self.session is not None or not all(one.done() for one in self._checks)
 
     def status(self) -> dict[str, Any]:
         """As services/live/requests.py's GiveStatus asks for it."""

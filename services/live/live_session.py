@@ -7,6 +7,7 @@ show it; a live tracker begins at once.
 
 from __future__ import annotations
 
+import contextlib
 import time
 from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor
@@ -26,7 +27,7 @@ from services.live.supervised import Supervised
 from services.live.supervision import Gap
 from services.psf import observer_file
 from services.results import session_file
-from services.results.folder import ResultsFolderError, refuse_foreign
+from services.results.folder import ResultsFolderError
 from tracker_bridge.sources import SIMULATED
 
 STATUS_EVERY_S: Final = 0.5
@@ -54,13 +55,14 @@ class LiveSession:
         """What ended it, or a take, before it was asked to."""
         self.figures: dict[str, dict[str, Any]] = {BRIDGE: {}, WORKER: {}}
         """What each said of itself last."""
-        self.interrupted = False
+        self._interrupted = False
         self._context, self._journal, self._work = context, journal, work
         self._settings, self._checkpoint = scratch / "settings.toml", scratch / "worker.checkpoint"
         self._checkpoint.unlink(missing_ok=True)
         observer_file.write(self._settings, checked.settings)
         self._source_begun_ns: int | None = None
         self._take: KeptTake | None = None
+        self._noted: tuple[Gap, ...] = ()
         self._record_as: Path | None = None
         self._jobs: list[tuple[Future[Any], Callable[[Any], None]]] = []
         self._asked: dict[str, Asked] = {}
@@ -152,13 +154,20 @@ class LiveSession:
         for one in self.processes:
             one.stop(within_s)
 
+    def interrupt(self, within_s: float) -> None:
+        """Ends it where nobody stopped it: cut short, if it has an end of its own."""
+        choice, source = self.checked.choice, self.checked.source.info
+        endless = choice.seconds is None and (source.live or choice.source == SIMULATED)
+        self._interrupted = self.state in ("starting", "running") and not endless
+        self.stop(within_s)
+
     def record(self, final: Path) -> Reply:
         """Begins a take in that folder, as soon as the worker can. Raises TakeError and ResultsFolderError."""
         if self.state not in ("starting", "running"):
             return Reply(False, "the session is about to end: start another one first")
         if self._take is not None or self._record_as is not None:
             return Reply(False, f"{(self.folder or self._record_as or final).name} is being recorded: stop that first")
-        refuse_foreign(final.resolve())
+        takes.refuse(final)
         if self.state == "starting":
             self._record_as = final
             return Reply(True, f"recording {final.name} begins as soon as the first frame can be shown")
@@ -166,12 +175,21 @@ class LiveSession:
         return Reply(True, f"recording {final.name}", {"folder": str(self.folder)})
 
     def _begin_take(self, final: Path) -> None:
-        self.folder = takes.make(final, self.checked)
+        checked = takes.as_of_now(self.checked, self.figures[WORKER], self.figures[BRIDGE])
+        self.folder = takes.make(final, checked)
+        self.trouble = None
         self._journal.begin_take(self.folder)
         controls = {BRIDGE: self.addresses.bridge, WORKER: self.addresses.worker}
         self._take = KeptTake(self._context, self.folder, controls)
         self._journal.say("take begins", folder=str(self.folder), start_ns=self._take.start_ns)
-        self._do(lambda folder=self.folder: takes.keep_inputs(folder, self.checked), self._say_trouble)  # type: ignore[misc]
+        self._note_gaps(self._take, self.folder)
+        self._do(lambda folder=self.folder: takes.keep_inputs(folder, checked), self._say_trouble)  # type: ignore[misc]
+
+    def _note_gaps(self, take: KeptTake, folder: Path) -> None:
+        """In case this host is ended by force; what cannot be written now is told at the end."""
+        self._noted = self.gaps
+        with contextlib.suppress(OSError):
+            takes.note_meanwhile(folder, take.start_ns, self._noted)
 
     def stop_record(self) -> Reply:
         """Ends the take; its report is written by and by."""
@@ -185,7 +203,9 @@ class LiveSession:
         return Reply(True, f"the recording ends; its report will be in {final}", {"folder": str(final)})
 
     def _step_take(self) -> None:
-        if self._take is not None:
+        if self._take is not None and self.folder is not None:
+            if self.gaps != self._noted:
+                self._note_gaps(self._take, self.folder)
             self._take.step()
             if self._take.trouble is not None:
                 self.trouble, self._take.trouble = self._take.trouble, None
@@ -201,11 +221,19 @@ class LiveSession:
         self._journal.say("take ends", folder=str(folder))
         self._journal.end_take()
         try:
-            takes.note(folder, take.start_ns, self.gaps, interrupted=self.interrupted, trouble=self.trouble)
+            takes.note(folder, take.start_ns, self.gaps, interrupted=self._interrupted, trouble=self._all_trouble())
         except OSError as error:
             self.trouble = f"{folder} cannot be finished: {error.strerror}; make room, then `entoptic report {folder}`"
         self._take, self.folder, self.finishing = None, None, folder
         self._do(lambda: takes.finish(folder), self._finished)
+
+    def _all_trouble(self) -> str | None:
+        """Its own, and what the processes say: a take that a full disk ended is known to them alone."""
+        found: list[str] = []
+        for one in (self.trouble, *(figures.get("trouble") for figures in self.figures.values())):
+            if one and not any(one in other for other in found):
+                found.append(one)
+        return "; ".join(found) or None
 
     def _finished(self, finished: takes.Finished) -> None:
         self.last_folder = finished.folder

@@ -34,9 +34,9 @@ class Found(msgspec.Struct, frozen=True):
     def wrong(self) -> tuple[str, ...]:
         """What is wrong, a sentence each."""
         found = [self.silent, self.said.get("trouble")]
-        bridge = self.said.get("figures", {}).get("bridge", {})
-        if bridge.get("silent"):
-            found.append(f"the tracker is silent: {bridge['silent']}")
+        # A bridge that was asked itself, or what a host heard of its own.
+        bridges = (self.said, self.said.get("figures", {}).get("bridge", {}))
+        found += [f"the tracker is silent: {bridge['silent']}" for bridge in bridges if bridge.get("silent")]
         found += [
             f"the {name} is {one['state']}"
             for name, one in self.said.get("processes", {}).items()

@@ -37,7 +37,7 @@ class Supervised:
         self._journal, self._on_message = journal, on_message
         self._child: Child | None = None
         self._said: str | None = None
-        self._was_ready = False
+        self._ready_at_s: float | None = None
         self._start_at_s = 0.0
         self._kill_at_s: float | None = None
 
@@ -61,7 +61,7 @@ class Supervised:
     def start(self) -> None:
         """Starts it for the first time, or anew."""
         anew = self.state == "restarting"
-        self._said, self._was_ready = None, False
+        self._said, self._ready_at_s = None, None
         self._child = Child(self.name, self._arguments())
         self.state = "restarting" if anew else "starting"
         self._journal.say("started", child=self.name, child_pid=self._child.pid, anew=anew)
@@ -95,7 +95,7 @@ class Supervised:
         return False
 
     def _ready(self) -> None:
-        self._was_ready = True
+        self._ready_at_s = self._ready_at_s or time.monotonic()
         if self.state in ("starting", "restarting"):
             self.state = "running"
         self._close_gap()
@@ -109,7 +109,7 @@ class Supervised:
         assert self._child is not None
         child, self._child = self._child, None
         why = f"it ended by itself {child.ending(self._said)}"
-        ran_s = time.monotonic() - child.started_s
+        now_s = time.monotonic()
         if child.spoken and code != 0:
             self._journal.say("spoken", child=self.name, lines=child.spoken)
         child.end(0.0)
@@ -118,7 +118,8 @@ class Supervised:
             self._journal.say("stopped", child=self.name, code=code)
             return
         self.last_error = why
-        self.restarts = self.restarts.crashed(time.monotonic(), ran_s, was_ready=self._was_ready)
+        worked_s = None if self._ready_at_s is None else now_s - self._ready_at_s
+        self.restarts = self.restarts.crashed(now_s, now_s - child.started_s, worked_s)
         if not (self.gaps and self.gaps[-1].to_ns is None):
             self.gaps.append(Gap(self.name, time.monotonic_ns(), None, why))
         given_up = self.restarts.given_up

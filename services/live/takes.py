@@ -9,6 +9,7 @@ import contextlib
 import dataclasses
 import json
 import re
+import shutil
 from collections.abc import Sequence
 from datetime import datetime
 from pathlib import Path
@@ -16,17 +17,22 @@ from typing import Any, Final
 
 import msgspec
 
+from pipeline import FrameError
 from services.live.checked import Checked
 from services.live.supervision import Gap
 from services.psf import observer_file
 from services.results import session_file
 from services.results.finish import finish as finish_frames
 from services.results.folder import ResultsFolderError, keep, refuse_foreign
+from services.results.whole import write_json
+from services.settings import Settings
 
 PARTIAL: Final = ".partial"
 SUMMARY: Final = "summary.json"
 HOST: Final = "host.json"
 """What the host knows of a take, kept in its folder until that is finished: gaps and trouble."""
+REPORT: Final = "report.html"
+NO_LAST_WORD: Final = "its host left no last word: it was ended by force, or the power failed"
 _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9 ._-]{0,63}")
 
 
@@ -37,7 +43,6 @@ class TakeError(Exception):
 class HostNotes(msgspec.Struct, frozen=True):
     """What the host adds to a take's summary."""
 
-    start_ns: int
     gaps: tuple[dict[str, Any], ...] = ()
     interrupted: bool = False
     trouble: str | None = None
@@ -55,26 +60,54 @@ def folder_for(root: Path, name: str) -> Path:
     return root / (_free(root, name) if name else name_of_now(root))
 
 
+def refuse(final: Path) -> None:
+    """Raises what `make` would, before anything is started."""
+    _make(final).rmdir()
+
+
 def make(final: Path, checked: Checked) -> Path:
     """Makes the folder of a take that begins; returns where it is to be written.
 
     Raises TakeError, and ResultsFolderError for a `final` that holds something else.
     """
+    folder = _make(final)
+    try:
+        observer_file.write(folder / "settings.toml", checked.settings)
+        of_session(checked, "live").write(folder)
+    except (OSError, FrameError) as error:
+        shutil.rmtree(folder, ignore_errors=True)
+        raise _unwritable(folder, error) from None
+    return folder
+
+
+def _make(final: Path) -> Path:
     final = final.resolve()
     refuse_foreign(final)
     folder = final.with_name(final.name + PARTIAL)
+    if folder.exists():
+        raise TakeError(f"{folder} is there already: finish it with {_again(folder)}, or choose another name")
     try:
         folder.parent.mkdir(parents=True, exist_ok=True)
         folder.mkdir()
-        observer_file.write(folder / "settings.toml", checked.settings)
-        of_session(checked, "live").write(folder)
-    except FileExistsError:
-        raise TakeError(
-            f"{folder} is there already: finish it with `entoptic report {folder}`, or choose another name"
-        ) from None
     except OSError as error:
-        raise TakeError(f"{folder} cannot be written: {error.strerror}; make room, or choose another place") from None
+        raise _unwritable(folder, error) from None
     return folder
+
+
+def _unwritable(folder: Path, error: Exception) -> TakeError:
+    reason = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
+    return TakeError(f"{folder} cannot be written: {reason}; make room, or choose another place")
+
+
+def as_of_now(checked: Checked, worker: dict[str, Any], bridge: dict[str, Any]) -> Checked:
+    """With settings and pupil map as they are by now; `worker` and `bridge` are what those say of themselves."""
+    choice, settings = checked.choice, checked.settings
+    if worker.get("settings") is not None:
+        with contextlib.suppress(msgspec.ValidationError):  # a worker of another version
+            settings = msgspec.convert(worker["settings"], Settings)
+            choice = msgspec.structs.replace(choice, settings=worker["settings"])
+    choice = msgspec.structs.replace(choice, pupil_map=bridge.get("pupil_map") or choice.pupil_map)
+    return dataclasses.replace(checked, choice=choice, settings=settings)
 
 
 def of_session(checked: Checked, mode: Any) -> session_file.SessionFile:
@@ -106,10 +139,14 @@ def keep_inputs(folder: Path, checked: Checked) -> str | None:
 
 
 def note(folder: Path, start_ns: int, gaps: Sequence[Gap], *, interrupted: bool, trouble: str | None) -> None:
-    """Leaves what the host knows in a folder that is to be finished. Raises OSError."""
+    """Leaves what the host knows in a folder, for when that is finished. Raises OSError."""
     told = tuple(gap.since(start_ns) for gap in gaps if gap.to_ns is None or gap.to_ns > start_ns)
-    notes = HostNotes(start_ns, told, interrupted, trouble)
-    (folder / HOST).write_bytes(msgspec.json.encode(notes))
+    write_json(folder / HOST, HostNotes(told, interrupted, trouble))
+
+
+def note_meanwhile(folder: Path, start_ns: int, gaps: Sequence[Gap]) -> None:
+    """The same while a take runs: what is to be said if this host is ended by force. Raises OSError."""
+    note(folder, start_ns, gaps, interrupted=True, trouble=NO_LAST_WORD)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -120,20 +157,24 @@ class Finished:
     trouble: str | None = None
 
 
-def finish(folder: Path) -> Finished:
-    """Joins films, writes the summary, gives the folder its final name. Raises TakeError; then it can be done again."""
+def finish(folder: Path, *, replaces: bool = True) -> Finished:
+    """Joins films, writes the summary, gives the folder its final name. Raises TakeError; then it can be done again.
+
+    `replaces`: earlier results of that name go.
+    """
     folder = folder.resolve()
+    final = folder.with_name(folder.name.removesuffix(PARTIAL))
+    if not replaces and final != folder and final.exists():
+        raise TakeError(f"{final} is there already: move it away, then {_again(folder)}")
     try:
         session = session_file.read(folder)
-        summary = told(session, _notes_of(folder), finish_frames(folder))
-        (folder / SUMMARY).write_bytes(msgspec.json.format(msgspec.json.encode(summary), indent=2))
+        write_json(folder / SUMMARY, told(session, notes_of(folder), finish_frames(folder)))
         with contextlib.suppress(FileNotFoundError):
             (folder / HOST).unlink()
-        if not folder.name.endswith(PARTIAL):
+        if final == folder:
             return Finished(folder)
-        final = folder.with_name(folder.name.removesuffix(PARTIAL))
         refuse_foreign(final)
-        keep(folder, final)
+        keep(folder, final, REPORT)
     except OSError as error:
         raise TakeError(
             f"{folder} cannot be finished: {error.strerror or error}; make room, then {_again(folder)}"
@@ -164,14 +205,14 @@ def told(session: session_file.SessionFile, notes: HostNotes, done: dict[str, An
     }
 
 
-def _notes_of(folder: Path) -> HostNotes:
-    """Of a take whose host left none it is said that the host died, unless it was finished before."""
-    with contextlib.suppress(OSError, msgspec.DecodeError):
+def notes_of(folder: Path) -> HostNotes:
+    """What its host said, or says; of a folder in which nothing is said, that."""
+    with contextlib.suppress(OSError, msgspec.DecodeError, UnicodeDecodeError):
         return msgspec.json.decode((folder / HOST).read_bytes(), type=HostNotes)
-    with contextlib.suppress(OSError, ValueError):
+    with contextlib.suppress(OSError, ValueError, KeyError, TypeError):
         summary = json.loads((folder / SUMMARY).read_text(encoding="utf-8"))
-        return HostNotes(0, tuple(summary["gaps"]), summary["interrupted"], summary["trouble"])
-    return HostNotes(0, interrupted=True, trouble="the host that ran this session was ended by force")
+        return HostNotes(tuple(summary["gaps"]), summary["interrupted"], summary["trouble"])
+    return HostNotes(interrupted=True, trouble=NO_LAST_WORD)
 
 
 def _again(folder: Path) -> str:
@@ -191,11 +232,13 @@ def prepare_report() -> None:
 
 
 def draw_report(folder: Path) -> str | None:
-    """Draws the report of a finished take; what went wrong, for a person."""
+    """Draws the report of a finished session; what went wrong, for a person."""
     from services.report import page as report
 
     try:
         report.write(folder)
+    except report.ReportError as error:
+        return f"no report in {folder}: {error}; mend that, then {_again(folder)}"
     except OSError as error:
         return f"no report in {folder}: {error.strerror or error}; make room, then {_again(folder)}"
     return None

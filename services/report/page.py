@@ -19,17 +19,52 @@ from services.results.whole import write_whole
 
 MOST_PAIRS = 12
 """On the page; all of them lie in the folder."""
+MOST_STRETCHES = 12
+"""Without eye states: on the page; all of them are in the summary."""
+TABLES = ("states.csv", "events.csv", "plan.csv")
+QUANTITIES = ("_s", "_ms", "_mm", "_px", "_deg", "_m2")
+"""How columns of numbers end."""
+
+
+class ReportError(Exception):
+    """A report cannot be drawn: the message names the file, and in a table the cell."""
 
 
 def write(folder: Path) -> None:
-    """Writes report.html into a session's folder, from its summary and tables; it lacks what they lack."""
-    summary = json.loads((folder / "summary.json").read_text(encoding="utf-8"))
-    states, events, plan = (_read(folder / name) for name in ("states.csv", "events.csv", "plan.csv"))
+    """Writes report.html into a session's folder, from its summary and tables; it lacks what they lack.
+
+    Raises ReportError for a file that is damaged, OSError where nothing can be read or written.
+    """
+    try:
+        summary = json.loads((folder / "summary.json").read_text(encoding="utf-8"))
+    except ValueError as error:
+        raise ReportError(f"summary.json is damaged: {error}") from None
+    tables = {name: _read(folder / name) for name in TABLES}
+    try:
+        page = _page(folder, summary, *tables.values())
+    except (ValueError, KeyError, IndexError, TypeError) as error:
+        raise ReportError(_damage(tables) or f"a table or summary.json is not whole: {error!r}") from None
+    write_whole(folder / "report.html", page.encode())
+
+
+def _damage(tables: dict[str, Table]) -> str | None:
+    """The first cell that should be a number and is none."""
+    for name, table in tables.items():
+        for column, cells in table.items():
+            for k, cell in enumerate(cells if column.endswith(QUANTITIES) else ()):
+                try:
+                    float(cell or 0)
+                except ValueError:
+                    return f"{name}, row {k + 1}: {column} is {cell!r} and no number"
+    return None
+
+
+def _page(folder: Path, summary: dict[str, Any], states: Table, events: Table, plan: Table) -> str:
     worker = summary.get("worker") or {}
     gaps = [gap for gap in summary.get("gaps") or [] if gap["to_s"] is None or gap["to_s"] > 0]
     pairs = _pairs(folder)
     subject = Subject(states, plan, summary["view"], gaps)
-    page = _template().render(
+    return _template().render(
         summary=summary,
         worker=worker,
         heard=worker.get("heard"),
@@ -44,8 +79,8 @@ def write(folder: Path) -> None:
         latency=latency.figures(plan),
         plots=[(title, svg(draw(subject))) for title, draw, needs in PLOTS if subject.has(needs)],
         again=(folder / "moments.msgpack").exists(),
+        most_stretches=MOST_STRETCHES,
     )
-    write_whole(folder / "report.html", page.encode())
 
 
 def _pairs(folder: Path) -> list[dict[str, Any]]:
@@ -71,6 +106,8 @@ def _read(path: Path) -> Table:
             header, *rows = list(csv.reader(file)) or [[]]
     except OSError:
         return {}
+    except csv.Error as error:
+        raise ReportError(f"{path.name} is damaged: {error}") from None
     whole = [row for row in rows if len(row) == len(header)]
     return {name: [row[k] for row in whole] for k, name in enumerate(header)}
 

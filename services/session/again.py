@@ -9,8 +9,8 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-import msgspec
 from rich.console import Console
+from rich.markup import escape
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
 from services.live import takes
@@ -20,16 +20,17 @@ from services.process import Stop
 from services.results import session_file
 from services.results.folder import results_folder
 from services.results.moments import FILE as MOMENTS
-from services.session.offline import SessionError
+from services.results.whole import BRIDGE, write_json
+from services.session.offline import SessionError, StoppedError, end
 
-TABLES = ("states.csv", "events.csv", "bridge.json", session_file.FILE, "settings.toml")
+TABLES = ("states.csv", "events.csv", BRIDGE, session_file.FILE, "settings.toml")
 """What the frames change nothing in."""
 
 
 def run(before: Path, out: Path, save: Sequence[Save], stop: Stop, console: Console) -> None:
     """Renders the session in a folder again into another one, with a report of its own.
 
-    Raises SessionError, SessionFileError or ResultsFolderError; then no folder is left.
+    Raises SessionError, StoppedError, SessionFileError or ResultsFolderError; then no folder is left.
     """
     session = session_file.read(before)
     if not (before / MOMENTS).exists():
@@ -40,20 +41,20 @@ def run(before: Path, out: Path, save: Sequence[Save], stop: Stop, console: Cons
         for name in TABLES:
             with contextlib.suppress(FileNotFoundError):
                 shutil.copyfile(before / name, folder / name)
+        if (before / session_file.INPUTS).is_dir():
+            shutil.copytree(before / session_file.INPUTS, folder / session_file.INPUTS)
         arguments = ["worker", "--again", str(before), "--out", str(folder)]
         for form in save:
             arguments += ["--save", form.value]
         different = _watch(Child("worker", arguments), stop, console).get("first_different")
         words = "all frames are the same" if different is None else f"frames differ from frame {different} on"
         console.print(words)
-        from services.report import page as report
         from services.results.finish import finish
 
-        notes = takes.HostNotes(0)
-        summary = takes.told(session, notes, finish(folder))
-        (folder / takes.SUMMARY).write_bytes(msgspec.json.format(msgspec.json.encode(summary), indent=2))
-        if (folder / "states.csv").exists():
-            report.write(folder)
+        # Gaps and trouble are those of what was rendered then.
+        write_json(folder / takes.SUMMARY, takes.told(session, takes.notes_of(before), finish(folder)))
+        if (trouble := takes.draw_report(folder)) is not None:
+            console.print(f"[yellow]![/yellow] {escape(trouble)}", soft_wrap=True)
 
 
 def _watch(worker: Child, stop: Stop, console: Console) -> dict[str, Any]:
@@ -75,11 +76,11 @@ def _watch(worker: Child, stop: Stop, console: Console) -> dict[str, Any]:
                             task, description="rendering", completed=message["frame"], total=message["frames"]
                         )
                 if stop():
-                    raise SessionError("stopped: nothing was written")
+                    raise StoppedError("stopped: nothing was written")
                 if code == 0:
                     return ended
                 if code is not None:
                     raise SessionError(f"the worker failed {worker.ending(said)}")
                 time.sleep(0.02)
         finally:
-            worker.end()
+            end(worker, stop)

@@ -14,7 +14,6 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-import msgspec
 from rich.console import Console
 from rich.markup import escape
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
@@ -23,17 +22,24 @@ from services.eye_data import SIMULATED_SECONDS
 from services.live.arguments import recorded_bridge_arguments, recorded_worker_arguments
 from services.live.checked import Checked
 from services.live.children import Child
-from services.process import Stop
+from services.process import STOPS_WITHIN_S, Stop
 from services.psf import observer_file
 from services.results import session_file
 from services.results.folder import results_folder
 from tracker_bridge.sources import SIMULATED
 
 READY_WITHIN_S = 60.0
+STOPPED_WITHIN_S = 1.0
+"""Where nothing is lost by ending a process by force."""
+NOTHING = "stopped before the first frame: nothing was written"
 
 
 class SessionError(Exception):
     """A session failed: the message names the process and what it said."""
+
+
+class StoppedError(SessionError):
+    """A person stopped a session before there was anything to be kept."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -45,6 +51,8 @@ class Outcome:
     worker: dict[str, Any]
     """What the worker said when it ended."""
     interrupted: bool
+    trouble: str | None = None
+    """Of a process that failed when it was asked to stop."""
 
 
 def _failed(child: Child, said: str | None) -> SessionError:
@@ -54,13 +62,13 @@ def _failed(child: Child, said: str | None) -> SessionError:
 def keep(checked: Checked, final: Path, stop: Stop, console: Console) -> Outcome:
     """Renders every frame of a recording into a folder with all that belongs to it.
 
-    Raises SessionError and ResultsFolderError; then no folder is left.
+    Raises SessionError, StoppedError and ResultsFolderError; then no folder is left.
     """
     from services import simulated_light
     from services.live import takes
     from services.report import page as report
     from services.results.finish import finish
-    from services.results.whole import BRIDGE
+    from services.results.whole import BRIDGE, write_json
 
     with results_folder(final) as folder:
         observer_file.write(folder / "settings.toml", checked.settings)
@@ -75,26 +83,33 @@ def keep(checked: Checked, final: Path, stop: Stop, console: Console) -> Outcome
         bridge = recorded_bridge_arguments(checked.choice, folder, light if light.exists() else None)
         worker = recorded_worker_arguments(checked.choice, folder, folder / "settings.toml")
         outcome = run(bridge, worker, stop, console)
-        notes = takes.HostNotes(0, interrupted=outcome.interrupted)
-        (folder / BRIDGE).write_bytes(msgspec.json.encode(outcome.bridge))
-        summary = takes.told(session_file.read(folder), notes, finish(folder))
-        (folder / takes.SUMMARY).write_bytes(msgspec.json.format(msgspec.json.encode(summary), indent=2))
+        notes = takes.HostNotes(interrupted=outcome.interrupted, trouble=outcome.trouble)
+        write_json(folder / BRIDGE, outcome.bridge)
+        write_json(folder / takes.SUMMARY, takes.told(session_file.read(folder), notes, finish(folder)))
         report.write(folder)
     return outcome
 
 
 def run(bridge_arguments: Sequence[str], worker_arguments: Sequence[str], stop: Stop, console: Console) -> Outcome:
-    """Runs both processes to their end, or until asked to stop. Raises SessionError; leaves no process behind."""
+    """Runs both processes to their end, or until asked to stop; leaves no process behind.
+
+    Raises SessionError, and StoppedError where that was before the first frame.
+    """
     with contextlib.ExitStack() as children:
         bridge = Child("bridge", bridge_arguments)
-        children.callback(bridge.end)
+        children.callback(end, bridge, stop)
         ready = _wait_for_ready(bridge, stop)
         if ready is None:
-            return Outcome({}, {}, interrupted=True)
+            raise StoppedError(NOTHING)
         addresses = ["--states", ready["states"], "--events", ready["events"]]
         worker = Child("worker", [*worker_arguments, *addresses])
-        children.callback(worker.end)
+        children.callback(end, worker, stop)
         return _watch(bridge, worker, stop, console)
+
+
+def end(child: Child, stop: Stop) -> None:
+    """Leaves it no time to finish what nobody will keep, as a compilation, if a person stopped all."""
+    child.end(STOPPED_WITHIN_S if stop() else STOPS_WITHIN_S)
 
 
 def _wait_for_ready(bridge: Child, stop: Stop) -> dict[str, Any] | None:
@@ -114,7 +129,7 @@ def _wait_for_ready(bridge: Child, stop: Stop) -> dict[str, Any] | None:
 def _watch(bridge: Child, worker: Child, stop: Stop, console: Console) -> Outcome:
     endings: dict[str, dict[str, Any]] = {"bridge": {}, "worker": {}}
     said: dict[str, str | None] = {"bridge": None, "worker": None}
-    interrupted = False
+    interrupted = prepared = False
     with Progress(
         TextColumn("{task.description}"),
         BarColumn(),
@@ -125,6 +140,8 @@ def _watch(bridge: Child, worker: Child, stop: Stop, console: Console) -> Outcom
     ) as progress:
         task = progress.add_task("starting", total=None)
         while True:
+            if stop() and not prepared:
+                raise StoppedError(NOTHING)
             if stop() and not interrupted:
                 interrupted = True
                 progress.update(task, description="stopping")
@@ -140,16 +157,19 @@ def _watch(bridge: Child, worker: Child, stop: Stop, console: Console) -> Outcom
                             endings[child.name] = message
                         case "preparing":
                             progress.update(task, description="compiling")
+                        case "prepared":
+                            prepared = True
                         case "progress":
                             _show(progress, task, message)
-            for child in (bridge, worker):
-                if codes[child.name] not in (None, 0):
-                    raise _failed(child, said[child.name])
-            if codes["worker"] == 0:
+            failed = [_failed(child, said[child.name]) for child in (bridge, worker) if codes[child.name]]
+            if failed and not interrupted:
+                raise failed[0]
+            if codes["worker"] is not None:
                 # An early end of the frames leaves the bridge with states nobody wants.
                 bridge.ask_to_stop()
-                if codes["bridge"] == 0:
-                    return Outcome(endings["bridge"], endings["worker"], interrupted)
+                if codes["bridge"] is not None:
+                    trouble = "; ".join(str(one) for one in failed) or None
+                    return Outcome(endings["bridge"], endings["worker"], interrupted, trouble)
             time.sleep(0.02)
 
 
