@@ -24,6 +24,7 @@ from starlette.responses import FileResponse, JSONResponse, Response
 from starlette.routing import Mount, Route, WebSocketRoute
 from starlette.staticfiles import StaticFiles
 from starlette.websockets import WebSocket, WebSocketDisconnect
+from uvicorn.protocols.http.h11_impl import H11Protocol
 from uvicorn.protocols.websockets.websockets_sansio_impl import WebSocketsSansIOProtocol
 
 from services.calibration.page import Screens
@@ -46,6 +47,8 @@ FULL = 1013
 REQUEST_S = 0.02
 """From one request of a page to the next at least."""
 MOST_CONNECTIONS = 400
+FIRST_REQUEST_S = 10.0
+"""From a connection to what it asks for."""
 LAST_WORDS_S = 0.15
 """For pages to be told that this is the end."""
 ENDS_WITHIN_S = 0.5
@@ -188,6 +191,19 @@ class _Protocol(WebSocketsSansIOProtocol):
         self.app_state = {**self.app_state, "abort": cast(asyncio.Transport, transport).abort}
 
 
+class _HttpProtocol(H11Protocol):
+    """Cuts a connection that asks for nothing: uvicorn would keep it for ever, one of those that there are."""
+
+    def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
+        super().connection_made(transport)
+        self.loop.call_later(FIRST_REQUEST_S, self._cut_if_silent)
+
+    def _cut_if_silent(self) -> None:
+        # A WebSocket has a protocol of its own by now.
+        if self.cycle is None and self.transport.get_protocol() is self:
+            self.transport.abort()
+
+
 class Server:
     """Serves from a thread of its own until closed. Raises PortInUseError."""
 
@@ -198,7 +214,7 @@ class Server:
         self.port = int(self._socket.getsockname()[1])
         config = uvicorn.Config(
             app(console, rules(self.port), self._give_up),
-            http="h11",
+            http=_HttpProtocol,
             ws=_Protocol,
             ws_max_size=MAX_REQUEST_BYTES,
             ws_per_message_deflate=False,  # pictures are compressed, and fifty pages' texts would cost a processor

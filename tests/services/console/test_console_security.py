@@ -11,6 +11,7 @@ from console_session import PATIENCE_S, TOKEN, Served, Visitor
 from websockets.exceptions import InvalidStatus
 from websockets.sync.client import connect
 
+from services.console import server
 from services.console.access import ConsoleError, places, rules_for
 from services.console.security import Rules
 from services.live.web import Web
@@ -183,6 +184,21 @@ def test_long_requests_are_refused(console: Served) -> None:
         raw.sendall(b"\x16\x03\x01\x00nonsense\r\n\r\n")
         assert b"400" in raw.recv(1000)
     assert get(console, "/health")[0] == 200
+
+
+def test_a_connection_that_asks_for_nothing_is_cut(console: Served, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(server, "FIRST_REQUEST_S", 0.3)
+    with (
+        visit(console) as page,
+        socket.create_connection(("127.0.0.1", console.server.port), PATIENCE_S) as silent,
+        socket.create_connection(("127.0.0.1", console.server.port), PATIENCE_S) as halting,
+    ):
+        halting.sendall(b"GET / HTTP/1.1\r\nHost:")
+        for one in (silent, halting):
+            with contextlib.suppress(ConnectionResetError):
+                assert one.recv(1) == b""
+        page.until("hello")
+        assert page.ask("list", what="scenes")["done"]
 
 
 def test_beyond_loopback_a_token_is_made_or_asked_for(tmp_path: Path) -> None:
