@@ -17,6 +17,7 @@ from services.live.choice import DEFAULT_FPS, SessionChoice
 from services.options import (
     BudgetMs,
     ConsoleHost,
+    ConsoleNames,
     ConsolePort,
     ConsoleToken,
     Everything,
@@ -75,6 +76,7 @@ def session(
     host: ConsoleHost = "127.0.0.1",
     port: ConsolePort = 8080,
     token: ConsoleToken = None,
+    allow_host: ConsoleNames = [],  # noqa: B006
     again: Annotated[
         Path | None,
         typer.Option(metavar="FOLDER", help="Render the frames of an earlier session's folder again, into --out."),
@@ -147,7 +149,7 @@ def session(
         from services.live import attended
         from services.live.web import Web
 
-        web = Web(host, port, token) if page else None
+        web = Web(host, port, token, names=tuple(allow_host)) if page else None
         raise typer.Exit(attended.session(checked, final, web, stop, console))
     from services.session import offline as sessions
 
