@@ -200,7 +200,7 @@ class _HttpProtocol(H11Protocol):
 
     def _cut_if_silent(self) -> None:
         # A WebSocket has a protocol of its own by now.
-        if self.cycle is None and self.transport.get_protocol() is self:
+        if cast(object, self.cycle) is None and self.transport.get_protocol() is self:
             self.transport.abort()
 
 
