@@ -124,6 +124,26 @@ def test_it_says_what_to_do_and_fits_every_screen(browser: Browser, console: Con
         page.close()
 
 
+def test_a_session_from_the_page(browser: Browser, console: Console) -> None:
+    """Start, see a frame, stop; test_a_study_from_the_page does the rest."""
+    page = opened(browser, console)
+    page.evaluate(
+        "window.said = []; const now = document.getElementById('now-text');"
+        "new MutationObserver(() => window.said.push(now.textContent)).observe(now, {childList: true, subtree: true})"
+    )
+    page.click("#tab-session")
+    for name, value in (("width", "90"), ("height", "100"), ("fps", "20")):
+        page.fill(f"#session-{name}", value)
+    page.click("#start")
+    expect(page.locator("#perceived")).to_have_attribute("data-frame", re.compile(r"\d+"), timeout=120_000)
+    assert not any("Ending" in said for said in page.evaluate("window.said"))
+    expect(page.locator("#start-text")).to_have_text("Stop")
+    page.click("#start")
+    expect(page.locator("#now-text")).to_contain_text("Nothing runs", timeout=60_000)
+    assert complaints(page) == []
+    page.close()
+
+
 CONTRASTS = """() => {
   // Any colour notation as sRGB, by painting it.
   const paint = Object.assign(document.createElement("canvas"), {width: 1, height: 1}).getContext("2d");
@@ -184,6 +204,8 @@ def test_everything_has_a_name_and_can_be_reached_by_keyboard(browser: Browser, 
         assert focused[1] == "solid", focused
     assert order == ["start", "help-open", "marks", "pause", "whole", "tab-facts", "panel-facts"]
     page.focus("#tab-facts")
+    page.keyboard.press("c")
+    expect(page.locator("#panel-facts")).to_be_visible()
     for wanted in ("session", "settings", "calibration", "facts"):
         page.keyboard.press("ArrowRight")
         expect(page.locator(f"#panel-{wanted}")).to_be_visible()
@@ -208,6 +230,27 @@ def setting(page: Page, path: str) -> Locator:
     return page.locator(f'[data-path="{path}"]')
 
 
+def told_while_it_moves(page: Page, console: Console, path: str) -> int:
+    """How often the server is told of a slider that does not come to rest."""
+    asked = page.evaluate(
+        """(path) => {
+          const send = WebSocket.prototype.send;
+          window.told = 0;
+          WebSocket.prototype.send = function (said) { window.told += said.includes(path); send.call(this, said); };
+          const slider = document.querySelector(`[data-path="${path}"] input[type=range]`);
+          window.moving = setInterval(() => {
+            slider.value = (Number(slider.value) + 7) % 1000;
+            slider.dispatchEvent(new Event("input", {bubbles: true}));
+          }, 40);
+          return window.told;
+        }""",
+        path,
+    )
+    console.wait_for(lambda: page.evaluate("window.told") >= 3, "a slider that moves to be told of", PATIENCE_MS / 1000)
+    page.evaluate("clearInterval(window.moving)")
+    return int(page.evaluate("window.told")) - int(asked)
+
+
 def test_settings_are_moved_kept_and_taken_again_and_all_pages_see_them(browser: Browser, console: Console) -> None:
     page, other = opened(browser, console), opened(browser, console)
     for one in (page, other):
@@ -224,6 +267,7 @@ def test_settings_are_moved_kept_and_taken_again_and_all_pages_see_them(browser:
     moved = setting(page, "observer.particles").locator("input[type=number]").input_value()
     assert moved != "1000"
     expect(setting(other, "observer.particles").locator("input[type=number]")).to_have_value(moved)
+    assert told_while_it_moves(page, console, "observer.particles") >= 3
     page.fill("#observer-name", "participant-07")
     page.click("#observer-save")
     expect(page.locator("#said")).to_contain_text("participant-07")
@@ -246,20 +290,38 @@ def test_settings_are_moved_kept_and_taken_again_and_all_pages_see_them(browser:
 
 
 def test_a_lost_server_is_said_and_found_again(browser: Browser, console: Console) -> None:
-    page = opened(browser, console)
+    page, stale = opened(browser, console), opened(browser, console)
+    # As a console that was started anew, with another token, answers a page of the one before.
+    stale.route(console.url, lambda route: route.fulfill(status=401))
+    page.click("#tab-settings")
+    fold = page.locator("#panel-settings details").last
+    fold.locator("summary").click()
     os.kill(console.pid_of("web"), signal.SIGKILL)
     problem = page.locator('[data-name="connection lost"]')
     expect(problem).to_contain_text("No connection to the console's server")
-    assert page.locator("#problems").get_attribute("role") == "alert"
+    expect(page.get_by_role("alert")).to_contain_text("No connection to the console's server")
     expect(page.locator("#start")).to_be_disabled()
     expect(problem).to_have_count(0, timeout=PATIENCE_MS)
     expect(page.locator("#start")).to_be_enabled(timeout=PATIENCE_MS)
+    # Whoever was in the middle of something is left there.
+    expect(page.locator("#panel-settings")).to_be_visible()
+    assert fold.get_attribute("open") is not None
+    expect(stale.locator('[data-name="connection lost"]')).to_contain_text("with its token")
+    expect(stale.locator("#now-text")).to_have_text("Not connected")
     page.close()
+    stale.close()
 
 
 def test_what_cannot_be_started_is_said(browser: Browser, console: Console) -> None:
     page = opened(browser, console)
+    page.evaluate("localStorage.setItem('entoptic-session', JSON.stringify({kind: 'of another version', fps: '12'}))")
+    page.reload()
+    expect(page.locator("#session-kind")).to_have_value("simulated")
+    expect(page.locator("#session-fps")).to_have_value("12")
+    assert complaints(page) == []
     page.click("#tab-session")
+    # What nobody sees any more keeps nothing from starting.
+    page.fill("#session-seed", "-3")
     page.select_option("#session-kind", "recording")
     page.fill("#session-recording", "/nowhere/recording")
     page.locator("h1").click()
@@ -348,6 +410,9 @@ def test_a_study_from_the_page(browser: Browser, tmp_path: Path) -> None:
     assert "age_years = 70" in (tmp_path / "observers" / "participant-07.toml").read_text()
 
     page.locator("h1").click()
+    page.keyboard.press("s")
+    expect(page.locator("#said")).to_contain_text("once more")
+    expect(page.locator("#record")).to_have_attribute("aria-pressed", "true")
     page.keyboard.press("s")
     expect(page.locator("#now-text")).to_contain_text("Nothing runs", timeout=60_000)
     expect(page.locator("#report")).to_be_visible(timeout=60_000)

@@ -9,11 +9,14 @@ export function watchSettings(connection) {
   const panel = byId("panel-settings");
   const controls = new Map();
   const body = make("div");
-  const observer = observers(connection);
+  const observer = observers(connection, settled);
   panel.append(observer.element, body);
-  let waiting = {}, out = {}, timer = 0, asking = false, in_force = null, built = "";
+  let waiting = {}, out = {}, timer = 0, asking = false, sending = null, in_force = null, built = "";
 
-  async function send() {
+  function send() { sending = tell(); return sending; }
+
+  async function tell() {
+    clearTimeout(timer);
     timer = 0;
     asking = true;
     out = waiting;
@@ -29,6 +32,9 @@ export function watchSettings(connection) {
 
   // One request at a time: what moves on meanwhile goes with the next one.
   function soon() { if (!timer && !asking && Object.keys(waiting).length) timer = setTimeout(send, EVERY_MS); }
+
+  // When all that was moved is in force: only then is it kept, or replaced.
+  async function settled() { while (asking || Object.keys(waiting).length) await (asking ? sending : send()); }
 
   function changed(path, value) {
     waiting[path] = value;
@@ -74,6 +80,7 @@ export function watchSettings(connection) {
   });
 
   async function defaults() {
+    await settled();
     const { done, reply } = await connection.ask("perceive", { from_defaults: true });
     if (done) wrong([...controls.keys()], "");
     say(done ? "All settings have their defaults." : reply);
@@ -86,7 +93,7 @@ export function watchSettings(connection) {
   });
 }
 
-function observers(connection) {
+function observers(connection, settled) {
   const now = make("p", { class: "soft", id: "observer-now" }, "Not saved.");
   const name = make("input", { type: "text", id: "observer-name", pattern: "[A-Za-z0-9][A-Za-z0-9_\\-]*", maxlength: 64, autocomplete: "off" });
   const list = make("select", { id: "observer-list", "aria-label": "Saved observers" });
@@ -101,6 +108,7 @@ function observers(connection) {
 
   async function keep() {
     if (!name.value || !name.checkValidity()) { say("A name has letters, digits, - and _ and begins with a letter or a digit."); name.focus(); return; }
+    await settled();
     let answer = await connection.ask("save observer", { name: name.value });
     if (!answer.done && answer.data?.exists && confirm(`There is an observer ${name.value} already. Replace it?`)) {
       answer = await connection.ask("save observer", { name: name.value, overwrite: true });
@@ -110,6 +118,7 @@ function observers(connection) {
   }
 
   async function take() {
+    await settled();
     const { reply } = await connection.ask("load observer", { name: list.value });
     say(reply);
   }
