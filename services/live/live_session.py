@@ -178,6 +178,8 @@ class LiveSession:
         checked = takes.as_of_now(self.checked, self.figures[WORKER], self.figures[BRIDGE])
         self.folder = takes.make(final, checked)
         self.trouble = None
+        for figures in self.figures.values():  # what was wrong with the take before this one
+            figures.pop("trouble", None)
         self._journal.begin_take(self.folder)
         controls = {BRIDGE: self.addresses.bridge, WORKER: self.addresses.worker}
         self._take = KeptTake(self._context, self.folder, controls)

@@ -158,6 +158,19 @@ def test_ctrl_c_ends_both_processes_and_keeps_whole_files(tmp_path: Path) -> Non
             assert sum(1 for _ in film.decode(video=0)) == len(rows(tmp_path / "out" / "plan.csv"))
 
 
+def test_ctrl_c_while_all_is_compiled_ends_it_at_once(tmp_path: Path) -> None:
+    process = started(tmp_path, "--seconds", "40")
+    wait_for(lambda: any(" worker " in line for line in children_of(tmp_path)), process)
+    begun_s = time.monotonic()
+    process.send_signal(signal.SIGINT)
+    _, said = process.communicate(timeout=60)
+    assert time.monotonic() - begun_s < 2.5  # two, where no other tests keep the cores busy
+    assert process.returncode == 130
+    assert "stopped before the first frame: nothing was written" in said
+    assert list(tmp_path.iterdir()) == []
+    assert children_of(tmp_path) == []
+
+
 def test_a_killed_worker_is_named_and_leaves_nothing(tmp_path: Path) -> None:
     process = started(tmp_path, "--seconds", "40")
     wait_for(lambda: any(" worker " in line for line in children_of(tmp_path)), process)
