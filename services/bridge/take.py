@@ -11,6 +11,7 @@ from pathlib import Path
 import msgspec
 
 from services.bridge.tables import STATES, Tables
+from services.results.whole import BRIDGE, write_json
 from tracker_bridge.events import Event
 from tracker_bridge.samples import NS_PER_S, EyeState, GazeSample, PupilSample
 from tracker_bridge.source import Item, Tick
@@ -18,7 +19,6 @@ from tracker_bridge.sources.pupil_recorder import PupilRecorder
 
 GAP_S = 0.5
 """States that come no more often are told of as a gap: as long as a pupil may be gone before it counts as lost."""
-SUMMARY = "bridge.json"
 
 
 class StatesGap(msgspec.Struct, frozen=True):
@@ -60,7 +60,7 @@ class BridgeTake:
         self._last_s: float | None = None
         self._gaps: list[StatesGap] = []
         # A last word is of a take that has ended.
-        (folder / SUMMARY).unlink(missing_ok=True)
+        (folder / BRIDGE).unlink(missing_ok=True)
         self._recall()
         self._tables = Tables(folder, start_ns)
         try:
@@ -90,9 +90,7 @@ class BridgeTake:
         finally:
             self._tables.close()
             summary = self._summary(source, stalls, late_samples, trouble)
-            new = self.folder / f".{SUMMARY}.new"
-            new.write_bytes(msgspec.json.format(msgspec.json.encode(summary), indent=2) + b"\n")
-            new.replace(self.folder / SUMMARY)
+            write_json(self.folder / BRIDGE, summary)
         return summary
 
     def _summary(self, source: str, stalls: int, late_samples: int, trouble: str | None) -> BridgeSummary:
