@@ -87,12 +87,22 @@ def test_a_session_end_to_end_and_the_same_again(tmp_path: Path) -> None:
         first, second = (hashlib.sha256((tmp_path / name / form).read_bytes()).digest() for name in ("one", "two"))
         assert first == second
     # Rendered again from what was kept, without any bridge.
+    told = {
+        "gaps": [{"process": "worker", "from_s": 0.1, "to_s": 0.2, "why": "killed"}],
+        "trouble": "once",
+        "interrupted": True,
+    }
+    (one / "summary.json").write_text(json.dumps({**summaries[0], **told}))
+    (one / "inputs" / "scene").mkdir(parents=True)
+    (one / "inputs" / "scene" / "street.exr").write_bytes(b"any")
     again = session("--again", "one", "--out", "again", cwd=tmp_path)
     assert again.returncode == 0, again.stderr
     assert "all frames are the same" in again.stderr + again.stdout
     summary = json.loads((tmp_path / "again" / "summary.json").read_text())
     assert summary["worker"]["perceived_sha256"] == worker["perceived_sha256"]
-    assert (tmp_path / "again" / "report.html").exists()
+    assert {name: summary[name] for name in told} == told
+    assert (tmp_path / "again" / "inputs" / "scene" / "street.exr").read_bytes() == b"any"
+    assert "worker away from 0.1 s to 0.2 s: killed" in (tmp_path / "again" / "report.html").read_text()
     assert children_of(tmp_path) == []
 
 
