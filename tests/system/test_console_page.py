@@ -289,6 +289,7 @@ def test_settings_are_moved_kept_and_taken_again_and_all_pages_see_them(browser:
     other.close()
 
 
+@pytest.mark.slow
 def test_a_lost_server_is_said_and_found_again(browser: Browser, console: Console) -> None:
     page, stale = opened(browser, console), opened(browser, console)
     # As a console that was started anew, with another token, answers a page of the one before.

@@ -82,6 +82,7 @@ def test_a_session_goes_on_whatever_is_killed_and_its_take_is_whole(host: LiveHo
 
 
 @pytest.mark.parametrize(("name", "most_bytes", "end"), [("brim", 2000, StopRecord()), ("tub", 20_000, StopSession())])
+@pytest.mark.slow
 def test_what_cannot_be_written_ends_the_take_and_not_the_session(
     host: LiveHost, name: str, most_bytes: int, end: StopRecord | StopSession
 ) -> None:
@@ -108,6 +109,7 @@ def test_what_cannot_be_written_ends_the_take_and_not_the_session(
         host.until(lambda now: now["state"] == "idle", "the session is over")
 
 
+@pytest.mark.slow
 def test_status_says_how_it_is(host: LiveHost) -> None:
     if host.status()["state"] != "running":
         host.start()
@@ -156,6 +158,7 @@ def test_sigterm_ends_all_within_two_seconds_with_whole_files(host: LiveHost) ->
     assert list((host.folder / "state" / "entoptic" / "hosts").iterdir()) == []
 
 
+@pytest.mark.slow
 def test_a_killed_host_leaves_no_process_and_its_take_can_be_finished(tmp_path: Path) -> None:
     with live_host(tmp_path, "session", "--live", "--width", "90", "--height", "100", "--out", "take") as one:
         folder = tmp_path / "take.partial"
@@ -169,7 +172,8 @@ def test_a_killed_host_leaves_no_process_and_its_take_can_be_finished(tmp_path: 
         assert "is being recorded now" in refused.stdout + refused.stderr
         one.end(signal.SIGKILL)
         until(lambda: not any(alive(pid) for pid in pids), "all processes end with their host", 15.0)
-        assert ports_are_free(now["addresses"])
+        # Its last thread may close them a moment after the process has none to run any more.
+        until(lambda: ports_are_free(now["addresses"]), "all ports are free", 15.0)
         assert frames_of(folder) > 3
         done = one.command("report", str(folder))
         assert done.returncode == 0, done.stderr
@@ -192,6 +196,7 @@ def test_a_host_ends_at_once_while_a_choice_is_being_opened(tmp_path: Path) -> N
         assert one.end(signal.SIGTERM) < ENDS_WITHIN_S
 
 
+@pytest.mark.slow
 def test_a_live_session_without_an_end_is_not_interrupted(tmp_path: Path) -> None:
     size = [f"--{name}={value:g}" for name, value in SMALL.items()]
     with live_host(tmp_path, "session", "--live", *size, "--out", "take") as one:

@@ -34,6 +34,7 @@ def entoptic(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.Cap
     return Done(monkeypatch, capsys)
 
 
+@pytest.mark.slow
 def test_an_eye_is_shown_saved_and_taken_up_again(tmp_path: Path, entoptic: Done) -> None:
     tuned = ("--pupil-mm", "6", "--age", "61", "--iris", "blue", "--particles", "2000", "--seed", "5")
     done = subprocess.run(

@@ -121,6 +121,7 @@ def test_eyes_in_motion_are_the_same_twice(tmp_path: Path) -> None:
     assert hashes[0] == hashes[1]
 
 
+@pytest.mark.slow
 def test_a_live_session_keeps_the_clock_and_says_what_it_dropped(tmp_path: Path) -> None:
     done = session("--seconds", "2", "--live", "--eyes", "left", "--out", "live", cwd=tmp_path)
     assert done.returncode == 0, done.stderr
@@ -168,6 +169,7 @@ def test_ctrl_c_ends_both_processes_and_keeps_whole_files(tmp_path: Path) -> Non
             assert sum(1 for _ in film.decode(video=0)) == len(rows(tmp_path / "out" / "plan.csv"))
 
 
+@pytest.mark.slow
 def test_ctrl_c_while_all_is_compiled_ends_it_at_once(tmp_path: Path) -> None:
     process = started(tmp_path, "--seconds", "40")
     wait_for(lambda: any(" worker " in line for line in children_of(tmp_path)), process)
@@ -181,6 +183,7 @@ def test_ctrl_c_while_all_is_compiled_ends_it_at_once(tmp_path: Path) -> None:
     assert children_of(tmp_path) == []
 
 
+@pytest.mark.slow
 def test_a_killed_worker_is_named_and_leaves_nothing(tmp_path: Path) -> None:
     process = started(tmp_path, "--seconds", "40")
     wait_for(lambda: any(" worker " in line for line in children_of(tmp_path)), process)
@@ -195,6 +198,7 @@ def test_a_killed_worker_is_named_and_leaves_nothing(tmp_path: Path) -> None:
     assert children_of(tmp_path) == []
 
 
+@pytest.mark.slow
 def test_children_end_with_a_killed_session(tmp_path: Path) -> None:
     process = started(tmp_path, "--seconds", "40")
     wait_for(lambda: any(" worker " in line for line in children_of(tmp_path)), process)

@@ -95,7 +95,7 @@ def test_on_real_frames_from_starlight_to_daylight(path: Path) -> None:
         holds(frame, Looking(pupil_mm=4.0), effects=Effects(glare=Glare(GlareModel.CIE)))
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=30, deadline=None)
 @given(
     seed=st.integers(0, 2**32 - 1),
     grain=st.sampled_from([1, 3, 10, 80]),
