@@ -7,9 +7,10 @@ access.py     what the command line says of where a session is and of who may se
 security.py   who may come in: host names, origins, the token, what browsers are told
 viewers.py    the pages that watch, and what each of them is sent
 live.py       what is known of the session that runs
+listening.py  a thread that reads sockets; the next two are such threads
 feed.py       states, events and frames' figures from bridge and worker
-figures.py    what the last seconds of those come to
 pictures.py   frames' pictures from the worker
+figures.py    what the last seconds of states and frames come to
 jpeg.py       how a picture becomes a JPEG
 status.py     what the processes say of themselves
 asking.py     requests to them

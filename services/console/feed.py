@@ -14,10 +14,12 @@ from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Literal
 
+import msgspec
 import zmq
 
 from services.console import protocol
 from services.console.figures import Figures
+from services.console.listening import Listening
 from services.console.protocol import EyeTrace, Mark, Marks, ShownNow, Traces
 from services.event_feed import EventFeed
 from services.live import messages
@@ -25,7 +27,6 @@ from services.live.addresses import Addresses
 from services.live.messages import SHOWN, MessageError, Shown
 from tracker_bridge import wire
 from tracker_bridge.access import ClientKeys
-from tracker_bridge.publisher import KEEPALIVE
 from tracker_bridge.wire import NS_PER_S, Event, Eye, EyeState
 
 BATCH_S = 0.04
@@ -59,7 +60,7 @@ class Timeline:
         return round(t_ns / NS_PER_S + self._off_s - self._zero_s, 4)
 
 
-class Feed:
+class Feed(Listening):
     """Reads from its making until closed; `hear` is called by its thread with encoded messages."""
 
     def __init__(
@@ -71,55 +72,26 @@ class Feed:
         worker_keys: ClientKeys | None = None,
     ) -> None:
         """`zero_s`: the pages' zero on the monotonic clock. Raises zmq.ZMQError for an address that is none."""
+        super().__init__()
         self.addresses = addresses
         self.figures = Figures()
         self._zero_s, self._hear = zero_s, hear
         self._kept: collections.deque[tuple[float, bytes]] = collections.deque()
         self._lock = threading.Lock()
-        self._stop = threading.Event()
-        self._context: zmq.Context[zmq.Socket[bytes]] = zmq.Context()
-        try:
-            self._states = self._subscribe(addresses.states, b"", bridge_keys)
-            self._shown = self._subscribe(addresses.frames, SHOWN, worker_keys)
+        with self._opening():
+            self._states = self._connected(addresses.states, bridge_keys)
+            self._shown = self._connected(addresses.frames, worker_keys)
             self._events = EventFeed(self._context, addresses.events, bridge_keys)
-        except zmq.ZMQError:
-            self._context.destroy(linger=0)
-            raise
-        self._events.socket.setsockopt(zmq.SUBSCRIBE, b"")
+        for socket, topic in ((self._states, b""), (self._shown, SHOWN), (self._events.socket, b"")):
+            socket.setsockopt(zmq.SUBSCRIBE, topic)
         self._read_state = wire.Reader(wire.decode_state)
         self._eyes, self._frames = Timeline(zero_s), Timeline(zero_s)
-        self.error: Exception | None = None
-        """What ended the thread before its time."""
-        self._thread = threading.Thread(target=self._try_to_run, name="feed", daemon=True)
         self._thread.start()
-
-    def _subscribe(self, address: str, topic: bytes, keys: ClientKeys | None) -> zmq.Socket[bytes]:
-        socket = self._context.socket(zmq.SUB)
-        socket.setsockopt(zmq.LINGER, 0)
-        for option, value in KEEPALIVE:
-            socket.setsockopt(option, value)
-        if keys is not None:
-            keys.use(socket)
-        socket.connect(address)
-        socket.setsockopt(zmq.SUBSCRIBE, topic)
-        return socket
 
     def kept(self) -> list[bytes]:
         """Messages of the last seconds."""
         with self._lock:
             return [message for _, message in self._kept]
-
-    def close(self) -> None:
-        """Ends the thread."""
-        self._stop.set()
-        self._thread.join()
-        self._context.destroy(linger=0)
-
-    def _try_to_run(self) -> None:
-        try:
-            self._run()
-        except Exception as error:
-            self.error = error
 
     def _run(self) -> None:
         due_s = time.monotonic()
@@ -194,23 +166,7 @@ def _short(value: float | None) -> float | None:
 
 def shown_of(shown: Shown, t_s: float) -> ShownNow:
     """What a page is told of a frame."""
-    return ShownNow(
-        shown.frame,
-        t_s,
-        shown.width_px,
-        shown.height_px,
-        shown.eyes,
-        shown.plan,
-        shown.bound_code_values,
-        shown.milliseconds,
-        shown.budget_ms,
-        shown.fps,
-        shown.reached_fps,
-        shown.dropped,
-        shown.latency,
-        name_of(shown.take),
-        shown.trouble,
-    )
+    return ShownNow(**{**msgspec.structs.asdict(shown), "t_s": t_s, "take": name_of(shown.take)})
 
 
 def name_of(folder: str | None) -> str | None:

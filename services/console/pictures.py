@@ -7,7 +7,6 @@ rest. How soon they are due is for viewers.py to say: the more pages, the rarer.
 
 from __future__ import annotations
 
-import threading
 import time
 from collections.abc import Callable
 
@@ -15,10 +14,10 @@ import zmq
 
 from services.console import protocol
 from services.console.jpeg import jpeg
+from services.console.listening import Listening
 from services.live import messages
 from services.live.messages import DISPLAYED, PERCEIVED, MessageError, Picture
 from tracker_bridge.access import ClientKeys
-from tracker_bridge.publisher import KEEPALIVE
 
 SOON_S = 0.15
 """Pictures that are due within so long are subscribed to all the time: a subscription takes a frame to act."""
@@ -31,7 +30,7 @@ Wanted = Callable[[], dict[int, float]]
 """Which kinds of picture somebody watches, and how many seconds there are from one to the next."""
 
 
-class Pictures:
+class Pictures(Listening):
     """Reads from its making until closed; `hear` is called by its thread with the kind and what a page is sent."""
 
     def __init__(
@@ -43,40 +42,11 @@ class Pictures:
         keys: ClientKeys | None = None,
     ) -> None:
         """Raises zmq.ZMQError for an address that is none."""
+        super().__init__()
         self._wanted, self._hear, self._peak_cd_m2 = wanted, hear, peak_cd_m2
-        self._stop = threading.Event()
-        self.error: Exception | None = None
-        """What ended the thread before its time."""
-        self._context: zmq.Context[zmq.Socket[bytes]] = zmq.Context()
-        self._streams = {}
-        try:
-            for kind in KINDS:
-                socket = self._context.socket(zmq.SUB)
-                socket.setsockopt(zmq.LINGER, 0)
-                socket.setsockopt(zmq.RCVHWM, QUEUE)
-                for option, value in KEEPALIVE:
-                    socket.setsockopt(option, value)
-                if keys is not None:
-                    keys.use(socket)
-                socket.connect(address)
-                self._streams[kind] = _Stream(socket, KINDS[kind])
-        except zmq.ZMQError:
-            self._context.destroy(linger=0)
-            raise
-        self._thread = threading.Thread(target=self._try_to_run, name="pictures", daemon=True)
+        with self._opening():
+            self._streams = {kind: _Stream(self._connected(address, keys, QUEUE), KINDS[kind]) for kind in KINDS}
         self._thread.start()
-
-    def close(self) -> None:
-        """Ends the thread."""
-        self._stop.set()
-        self._thread.join()
-        self._context.destroy(linger=0)
-
-    def _try_to_run(self) -> None:
-        try:
-            self._run()
-        except Exception as error:
-            self.error = error
 
     def _run(self) -> None:
         poller = zmq.Poller()

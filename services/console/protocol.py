@@ -21,7 +21,7 @@ from typing import Any, Final, Literal
 
 import msgspec
 
-from services.live.messages import EyeShown, LatencyMs, StepShown
+from services.live.messages import Shown
 
 VERSION: Final = 1
 PERCEIVED, DISPLAYED = 1, 2
@@ -164,29 +164,12 @@ class Marks(_Message, frozen=True, tag="marks"):
     marks: list[Mark]
 
 
-class ShownNow(_Message, frozen=True, tag="shown"):
-    """What was rendered in a frame, as of services.live.messages.Shown; with many pages open not of every frame."""
+class ShownNow(Shown, frozen=True, tag_field="type", tag="shown"):
+    """What was rendered in a frame; with many pages open not of every frame.
 
-    frame: int
-    t_s: float
-    """When the frame was begun."""
-    width_px: int
-    height_px: int
-    """Of one eye's image. A picture holds all eyes' side by side, in the order of `eyes`, perhaps scaled down."""
-    eyes: tuple[EyeShown, ...]
-    """Each with eye, phase, gaze_deg, gaze_px, pupil_mm, openness, adapted_cd_m2, mean_cd_m2, max_cd_m2, window_px."""
-    plan: tuple[StepShown, ...]
-    """Each with effect, level, runs, reason, bound_code_values, ms."""
-    bound_code_values: float
-    milliseconds: dict[str, float]
-    budget_ms: float | None
-    fps: float
-    reached_fps: float
-    dropped: int
-    latency: LatencyMs | None
-    take: str | None
-    """Name of the take's folder."""
-    trouble: str | None
+    `t_s` is on the pages' clock, and `take` the name of the take's folder. A picture holds all eyes' side by side, in
+    the order of `eyes`, perhaps scaled down.
+    """
 
 
 class Latency(msgspec.Struct, frozen=True):

@@ -24,7 +24,7 @@ def _plain(value: object) -> object:
         return _Array(array.dtype.str, array.shape, array.tobytes())
     if isinstance(value, np.float64):
         return float(value)
-    raise NotImplementedError(f"{type(value).__name__} cannot be kept")
+    raise TypeError(f"{type(value).__name__} cannot be kept")
 
 
 def _array(kind: Any, value: object) -> object:

@@ -133,6 +133,16 @@ def rows(path: Path) -> list[dict[str, str]]:
     return found
 
 
+_looked_at: dict[Path, tuple[int, int]] = {}
+
+
+def _known(path: Path) -> bool:
+    """Whether a file was looked at already, just as it is: a take of twenty restarts has many that are long done."""
+    now = (path.stat().st_size, path.stat().st_mtime_ns)
+    before, _looked_at[path] = _looked_at.get(path), now
+    return before == now
+
+
 def frames_of(folder: Path) -> int:
     """Looks at all that a take holds, finished or not; how many frames it has."""
     records = list(Moments(folder / MOMENTS))
@@ -145,11 +155,14 @@ def frames_of(folder: Path) -> int:
     assert times == sorted(times)
     films = [folder / "perceived.mp4"] if (folder / "perceived.mp4").exists() else folder.glob("perceived-*.mp4")
     for film in films:
+        if _known(film):
+            continue
         with av.open(str(film)) as opened:
             # A part that has just begun has no fragment yet.
             assert sum(1 for _ in opened.decode(video=0)) > 0 or folder.name.endswith(".partial")
     for eyes in folder.glob("eyes*"):
-        if (eyes / "pupil.pldata").exists() and (eyes / "pupil.pldata").stat().st_size:
+        pupils = eyes / "pupil.pldata"
+        if pupils.exists() and pupils.stat().st_size and not _known(pupils):
             open_recording(eyes)
     return frames
 
