@@ -14,6 +14,7 @@ COPY pyproject.toml requirements.lock ./
 RUN python -c "import tomllib; print(*tomllib.load(open('pyproject.toml', 'rb'))['project']['dependencies'], sep='\n')" > needed.txt \
     && pip install --only-binary=:all: -r needed.txt "jax[${JAX}]"
 COPY README.md ./
+COPY src src
 COPY tracker_bridge tracker_bridge
 COPY pipeline pipeline
 COPY services services

@@ -15,11 +15,11 @@ from jaxtyping import Array, Float
 from numpy.typing import NDArray
 
 from benchmarks.table import interleaved, show
-from pipeline.effects.acuity import LIMIT_CD_M2, Acuity, AcuityMethod, larson, lightness, reduce_acuity
-from pipeline.frame import View
-from pipeline.scenes import Head, open_scene
-from services.process import prepare_jax
-from tracker_bridge.wire import Eye
+from entoptic.pipeline.effects.acuity import LIMIT_CD_M2, Acuity, AcuityMethod, larson, lightness, reduce_acuity
+from entoptic.pipeline.frame import View
+from entoptic.pipeline.scenes import Head, open_scene
+from entoptic.services.process import prepare_jax
+from entoptic.tracker_bridge.wire import Eye
 
 HEIGHT, WIDTH, TILE_PX, PPD = 1600, 1440, 13, 9.82
 

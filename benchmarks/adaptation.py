@@ -18,14 +18,14 @@ import jax.numpy as jnp
 import numpy as np
 
 from benchmarks.table import interleaved, show
-from pipeline.effects import adaptation
-from pipeline.effects.adaptation import Adaptation, Bleaching, Course, Target, targets
-from pipeline.frame import Frame, View
-from pipeline.measure import Measurement, luminance, measure
-from pipeline.scenes import Head, open_scene
-from pipeline.scenes.discs import add_discs
-from services.process import prepare_jax
-from tracker_bridge.wire import Eye
+from entoptic.pipeline.effects import adaptation
+from entoptic.pipeline.effects.adaptation import Adaptation, Bleaching, Course, Target, targets
+from entoptic.pipeline.frame import Frame, View
+from entoptic.pipeline.measure import Measurement, luminance, measure
+from entoptic.pipeline.scenes import Head, open_scene
+from entoptic.pipeline.scenes.discs import add_discs
+from entoptic.services.process import prepare_jax
+from entoptic.tracker_bridge.wire import Eye
 
 LIMITS = (10.0, 30.0, 100.0, 1000.0)
 VIEW = View(360, 400, 104.0)

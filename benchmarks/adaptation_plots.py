@@ -10,9 +10,9 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from benchmarks.adaptation import LAMP_S, RATE_HZ, WAYS, crossing, exposures
-from pipeline.effects import adaptation
-from pipeline.effects.adaptation import Adaptation, Bleaching, Course, Target, targets
-from pipeline.effects.adaptation.pigments import UNBLEACHED, threshold_in_the_dark_cd_m2
+from entoptic.pipeline.effects import adaptation
+from entoptic.pipeline.effects.adaptation import Adaptation, Bleaching, Course, Target, targets
+from entoptic.pipeline.effects.adaptation.pigments import UNBLEACHED, threshold_in_the_dark_cd_m2
 
 HECHT_TD = (263.0, 1810.0, 3800.0, 19500.0, 39400.0, 400000.0)
 """Lights of Hecht, Haig & Chase 1937, before which an eye sat for two minutes."""

@@ -19,9 +19,9 @@ from numpy.typing import NDArray
 from scipy.ndimage import median_filter
 from scipy.signal import find_peaks, peak_widths
 
-from services.event_scores import Span
-from tracker_bridge.samples import Eye, PupilSample
-from tracker_bridge.sources import open_source
+from entoptic.services.event_scores import Span
+from entoptic.tracker_bridge.samples import Eye, PupilSample
+from entoptic.tracker_bridge.sources import open_source
 
 _BLINK = 5
 """The label of a blink in Lund's and in the Tilburg group's files."""

@@ -13,13 +13,13 @@ import numpy as np
 
 from benchmarks import blink_data
 from benchmarks.blink_data import LabelledEye
-from services.event_scores import Span, compare
-from tracker_bridge import absence, course, dropout, lid_dips, trust
-from tracker_bridge.dropout import DropoutFilter
-from tracker_bridge.events import BlinkOffset, BlinkOnset
-from tracker_bridge.recording_lane import RecordingLane
-from tracker_bridge.samples import Eye, EyeState, OneEyeState, PupilSample
-from tracker_bridge.sources.simulated import SimulatedEyes, SimulatedSettings
+from entoptic.services.event_scores import Span, compare
+from entoptic.tracker_bridge import absence, course, dropout, lid_dips, trust
+from entoptic.tracker_bridge.dropout import DropoutFilter
+from entoptic.tracker_bridge.events import BlinkOffset, BlinkOnset
+from entoptic.tracker_bridge.recording_lane import RecordingLane
+from entoptic.tracker_bridge.samples import Eye, EyeState, OneEyeState, PupilSample
+from entoptic.tracker_bridge.sources.simulated import SimulatedEyes, SimulatedSettings
 
 DATA = Path(__file__).parents[2] / "shared" / "data"
 AROUND_NS = 200_000_000

@@ -7,13 +7,13 @@ import time
 import jax.numpy as jnp
 import numpy as np
 
-from pipeline import Effects, Frame, Glare, GlareLevel, Looking, Perceived, Planning, View, perceive
-from pipeline.budget import SHIPPED, corrected
-from pipeline.cost.comparison import pareto
-from pipeline.plan import Effect
-from pipeline.scenes import Head, open_scene
-from services.process import prepare_jax
-from tracker_bridge.wire import Eye
+from entoptic.pipeline import Effects, Frame, Glare, GlareLevel, Looking, Perceived, Planning, View, perceive
+from entoptic.pipeline.budget import SHIPPED, corrected
+from entoptic.pipeline.cost.comparison import pareto
+from entoptic.pipeline.plan import Effect
+from entoptic.pipeline.scenes import Head, open_scene
+from entoptic.services.process import prepare_jax
+from entoptic.tracker_bridge.wire import Eye
 
 BUDGETS_MS = (100.0, 33.0)
 FRAMES, WARM_UP = 120, 20

@@ -4,15 +4,15 @@ from __future__ import annotations
 
 import numpy as np
 
-from services.calibration.display import NoDisplay
-from services.calibration.result import judge
-from services.calibration.run import GREY_SHARE, CalibrationRun, Room, follow, items_now
-from tracker_bridge.calibration import Protocol, Screen, Statistic, Step, luidolt, robust
-from tracker_bridge.calibration_quality import Analysis
-from tracker_bridge.samples import Eye
-from tracker_bridge.sources.simulated import SimulatedSettings
-from tracker_bridge.sources.simulated_live import SimulatedLiveEyes
-from tracker_bridge.sources.simulated_pupil import watson_yellott_mm
+from entoptic.services.calibration.display import NoDisplay
+from entoptic.services.calibration.result import judge
+from entoptic.services.calibration.run import GREY_SHARE, CalibrationRun, Room, follow, items_now
+from entoptic.tracker_bridge.calibration import Protocol, Screen, Statistic, Step, luidolt, robust
+from entoptic.tracker_bridge.calibration_quality import Analysis
+from entoptic.tracker_bridge.samples import Eye
+from entoptic.tracker_bridge.sources.simulated import SimulatedSettings
+from entoptic.tracker_bridge.sources.simulated_live import SimulatedLiveEyes
+from entoptic.tracker_bridge.sources.simulated_pupil import watson_yellott_mm
 
 SEEDS = range(1, 13)
 WHITE_CD_M2, BLACK_CD_M2 = 200.0, 0.05

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import time
 
-from tracker_bridge import wire
-from tracker_bridge.chain import records_of
-from tracker_bridge.samples import EyeState
-from tracker_bridge.sources import open_source
-from tracker_bridge.sources.simulated import SimulatedSettings
+from entoptic.tracker_bridge import wire
+from entoptic.tracker_bridge.chain import records_of
+from entoptic.tracker_bridge.samples import EyeState
+from entoptic.tracker_bridge.sources import open_source
+from entoptic.tracker_bridge.sources.simulated import SimulatedSettings
 
 
 def main() -> None:

@@ -7,15 +7,15 @@ import numpy as np
 import scipy.fft
 
 from benchmarks.table import interleaved, show
-from pipeline import Glare, GlareLevel, GlareModel, Looking, Observer, RenderState, View, perceive
-from pipeline.effects import acuity, night_colour, tone
-from pipeline.effects.encode import srgb_codes
-from pipeline.effects.glare import Sight, mixture, scatter
-from pipeline.measure import measure
-from pipeline.optics.aperture import Pose
-from pipeline.scenes import Head, open_scene
-from services.process import prepare_jax
-from tracker_bridge.wire import Eye
+from entoptic.pipeline import Glare, GlareLevel, GlareModel, Looking, Observer, RenderState, View, perceive
+from entoptic.pipeline.effects import acuity, night_colour, tone
+from entoptic.pipeline.effects.encode import srgb_codes
+from entoptic.pipeline.effects.glare import Sight, mixture, scatter
+from entoptic.pipeline.measure import measure
+from entoptic.pipeline.optics.aperture import Pose
+from entoptic.pipeline.scenes import Head, open_scene
+from entoptic.services.process import prepare_jax
+from entoptic.tracker_bridge.wire import Eye
 
 
 def main(rounds: int = 15) -> None:

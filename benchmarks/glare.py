@@ -10,15 +10,15 @@ import numpy as np
 import scipy.fft
 
 from benchmarks.table import interleaved, show
-from pipeline import Frame, Observer, View
-from pipeline.effects.glare import lights, sources, veil, window
-from pipeline.effects.glare.lights import PointKernel
-from pipeline.effects.glare.models import GlareModel, mixture, monochromatic
-from pipeline.frame import Light
-from pipeline.measure import measure
-from pipeline.optics import analytic, light_spectra, whole
-from pipeline.optics.aperture import Pose
-from services.process import prepare_jax
+from entoptic.pipeline import Frame, Observer, View
+from entoptic.pipeline.effects.glare import lights, sources, veil, window
+from entoptic.pipeline.effects.glare.lights import PointKernel
+from entoptic.pipeline.effects.glare.models import GlareModel, mixture, monochromatic
+from entoptic.pipeline.frame import Light
+from entoptic.pipeline.measure import measure
+from entoptic.pipeline.optics import analytic, light_spectra, whole
+from entoptic.pipeline.optics.aperture import Pose
+from entoptic.services.process import prepare_jax
 
 
 def main(rounds: int = 15) -> None:

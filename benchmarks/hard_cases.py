@@ -11,8 +11,8 @@ import numpy as np
 
 from benchmarks import pfstools
 from benchmarks.pfstools import Image
-from pipeline import Effects, Frame, FrameError, Looking, Observer, perceive
-from pipeline.effects.adaptation import Adaptation
+from entoptic.pipeline import Effects, Frame, FrameError, Looking, Observer, perceive
+from entoptic.pipeline.effects.adaptation import Adaptation
 
 SIZE = (64, 64)
 FPS = 24

@@ -12,10 +12,10 @@ import scipy.ndimage
 import scipy.sparse
 
 from benchmarks.table import interleaved, show
-from pipeline.frame import View
-from pipeline.observer import Observer
-from pipeline.optics import aperture, diffraction, light_spectra, spectrum
-from services.process import prepare_jax
+from entoptic.pipeline.frame import View
+from entoptic.pipeline.observer import Observer
+from entoptic.pipeline.optics import aperture, diffraction, light_spectra, spectrum
+from entoptic.services.process import prepare_jax
 
 Sums = Callable[[], np.ndarray]
 LOG_POLAR = ((512, 1024), (1024, 2048), (2048, 4096))

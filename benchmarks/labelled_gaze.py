@@ -11,8 +11,8 @@ import numpy as np
 import scipy.io
 from numpy.typing import NDArray
 
-from services.event_scores import Span
-from tracker_bridge.samples import GazeSample, direction_deg
+from entoptic.services.event_scores import Span
+from entoptic.tracker_bridge.samples import GazeSample, direction_deg
 
 DATA = Path(__file__).parents[2] / "shared" / "data" / "eye"
 SACCADE = 2

@@ -9,11 +9,11 @@ import jax.numpy as jnp
 import numpy as np
 
 from benchmarks.table import interleaved, show
-from pipeline.effects import night_colour, rod_noise
-from pipeline.effects.night_colour import NightColour, NightMethod, bounds
-from pipeline.frame import LUMINANCE_WEIGHTS
-from pipeline.ranges import Range
-from services.process import prepare_jax
+from entoptic.pipeline.effects import night_colour, rod_noise
+from entoptic.pipeline.effects.night_colour import NightColour, NightMethod, bounds
+from entoptic.pipeline.frame import LUMINANCE_WEIGHTS
+from entoptic.pipeline.ranges import Range
+from entoptic.services.process import prepare_jax
 
 ADAPTED_CD_M2 = 0.05
 

@@ -11,16 +11,16 @@ import jax.numpy as jnp
 import numpy as np
 from matplotlib.figure import Figure
 
-from pipeline import mesopic
-from pipeline.effects import adaptation, rod_noise, tone
-from pipeline.effects.encode import srgb_codes
-from pipeline.effects.night_colour import NightColour, NightMethod, shift
-from pipeline.effects.night_colour.share import adapted_share
-from pipeline.frame import View
-from pipeline.mesopic import WHITE_RATIO
-from pipeline.scenes import Head, open_scene
-from services.process import prepare_jax
-from tracker_bridge.wire import Eye
+from entoptic.pipeline import mesopic
+from entoptic.pipeline.effects import adaptation, rod_noise, tone
+from entoptic.pipeline.effects.encode import srgb_codes
+from entoptic.pipeline.effects.night_colour import NightColour, NightMethod, shift
+from entoptic.pipeline.effects.night_colour.share import adapted_share
+from entoptic.pipeline.frame import View
+from entoptic.pipeline.mesopic import WHITE_RATIO
+from entoptic.pipeline.scenes import Head, open_scene
+from entoptic.services.process import prepare_jax
+from entoptic.tracker_bridge.wire import Eye
 
 LEVELS_CD_M2 = (3.0, 0.3, 0.03, 0.003, 0.0003)
 WAYS = {

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from benchmarks.table import interleaved
-from pipeline import Looking, Perceived, Planning, perceive
-from pipeline.cost.scenes import SCENES, scene
-from services.process import prepare_jax
+from entoptic.pipeline import Looking, Perceived, Planning, perceive
+from entoptic.pipeline.cost.scenes import SCENES, scene
+from entoptic.services.process import prepare_jax
 
 PUPIL_MM = {"bright room": 3.0, "sunny landscape": 2.2, "sun disc": 2.0}
 """Of the scenes that make it small; 5.1 mm else."""

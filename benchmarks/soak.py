@@ -18,9 +18,9 @@ from pathlib import Path
 
 import zmq
 
-from services.event_feed import EventFeed
-from tracker_bridge import wire
-from tracker_bridge.wire import EyeState, Heartbeat, Phase
+from entoptic.services.event_feed import EventFeed
+from entoptic.tracker_bridge import wire
+from entoptic.tracker_bridge.wire import EyeState, Heartbeat, Phase
 
 FAULTS = (
     (),
@@ -135,7 +135,7 @@ def _free_port() -> int:
 @contextlib.contextmanager
 def _entoptic(*arguments: str) -> Iterator[subprocess.Popen[bytes]]:
     process = subprocess.Popen(
-        [sys.executable, "-m", "services.cli", *arguments], stderr=subprocess.DEVNULL, stdout=subprocess.DEVNULL
+        [sys.executable, "-m", "entoptic", *arguments], stderr=subprocess.DEVNULL, stdout=subprocess.DEVNULL
     )
     try:
         yield process

@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from pipeline.cost.timing import interleaved as timed
+from entoptic.pipeline.cost.timing import interleaved as timed
 
 
 def interleaved(parts: dict[str, Callable[[], object]], rounds: int) -> dict[str, np.ndarray]:

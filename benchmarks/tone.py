@@ -11,16 +11,16 @@ import jax.numpy as jnp
 import numpy as np
 
 from benchmarks.table import interleaved, show
-from pipeline import View
-from pipeline.effects import tone
-from pipeline.effects.adaptation import exposure
-from pipeline.effects.tone import Hue, Operator, Tone
-from pipeline.frame import Display, Encoding
-from pipeline.measure import luminance
-from pipeline.ranges import Range
-from pipeline.scenes import Head, open_scene
-from services.process import prepare_jax
-from tracker_bridge.wire import Eye
+from entoptic.pipeline import View
+from entoptic.pipeline.effects import tone
+from entoptic.pipeline.effects.adaptation import exposure
+from entoptic.pipeline.effects.tone import Hue, Operator, Tone
+from entoptic.pipeline.frame import Display, Encoding
+from entoptic.pipeline.measure import luminance
+from entoptic.pipeline.ranges import Range
+from entoptic.pipeline.scenes import Head, open_scene
+from entoptic.services.process import prepare_jax
+from entoptic.tracker_bridge.wire import Eye
 
 ADAPTED_CD_M2, TARGET_CD_M2 = 0.05, 0.5
 OWN_CURVE = "log10_of_adapted,share\n-3,0.005\n-1,0.06\n0,0.25\n1,0.6\n2,0.9\n3,1\n"

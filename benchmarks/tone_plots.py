@@ -10,13 +10,13 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from benchmarks.tone import OWN_CURVE, tones
-from pipeline import View
-from pipeline.effects import tone
-from pipeline.effects.encode import srgb_codes
-from pipeline.effects.tone import Hue, Operator, Tone
-from pipeline.frame import Display
-from pipeline.scenes import Head, open_scene
-from tracker_bridge.wire import Eye
+from entoptic.pipeline import View
+from entoptic.pipeline.effects import tone
+from entoptic.pipeline.effects.encode import srgb_codes
+from entoptic.pipeline.effects.tone import Hue, Operator, Tone
+from entoptic.pipeline.frame import Display
+from entoptic.pipeline.scenes import Head, open_scene
+from entoptic.tracker_bridge.wire import Eye
 
 ADAPTED_CD_M2 = 0.01, 1.0, 100.0
 COLOURS = {"aces": "#c8553d", "reinhard": "#2a6fbb", "ward": "#3d8b5f", "durand": "#8a5aa8", "curve": "#777777"}

@@ -13,14 +13,14 @@ from pathlib import Path
 import numpy as np
 import zmq
 
-from services import keys
-from tracker_bridge import wire
-from tracker_bridge.access import ClientKeys, ServerKeys
-from tracker_bridge.chain import Chain
-from tracker_bridge.events import Heartbeat
-from tracker_bridge.publisher import Publisher
-from tracker_bridge.samples import NS_PER_S, Direction, EyeState, GazeSample, OneEyeState, Phase, PupilSample
-from tracker_bridge.source import Item, Tick
+from entoptic.services import keys
+from entoptic.tracker_bridge import wire
+from entoptic.tracker_bridge.access import ClientKeys, ServerKeys
+from entoptic.tracker_bridge.chain import Chain
+from entoptic.tracker_bridge.events import Heartbeat
+from entoptic.tracker_bridge.publisher import Publisher
+from entoptic.tracker_bridge.samples import NS_PER_S, Direction, EyeState, GazeSample, OneEyeState, Phase, PupilSample
+from entoptic.tracker_bridge.source import Item, Tick
 
 RATE_HZ = 400
 """Two eyes at 200 Hz whose cameras take turns: a state each."""

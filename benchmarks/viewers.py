@@ -24,14 +24,14 @@ from typing import Any
 
 import zmq
 
-from services.live import messages
-from services.live.addresses import free_addresses
-from services.live.arguments import bridge_arguments, worker_arguments
-from services.live.children import Child
-from services.live.choice import SessionChoice
-from services.live.messages import SHOWN, Shown
-from services.psf import observer_file
-from services.settings import Settings
+from entoptic.services.live import messages
+from entoptic.services.live.addresses import free_addresses
+from entoptic.services.live.arguments import bridge_arguments, worker_arguments
+from entoptic.services.live.children import Child
+from entoptic.services.live.choice import SessionChoice
+from entoptic.services.live.messages import SHOWN, Shown
+from entoptic.services.psf import observer_file
+from entoptic.services.settings import Settings
 
 READY_WITHIN_S = 240.0
 SETTLES_S = 2.0

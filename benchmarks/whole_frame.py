@@ -10,7 +10,7 @@ import numpy as np
 
 from benchmarks import pfstools
 from benchmarks.table import interleaved, show
-from pipeline import (
+from entoptic.pipeline import (
     Effects,
     Glare,
     GlareLevel,
@@ -21,14 +21,14 @@ from pipeline import (
     View,
     perceive,
 )
-from pipeline.cost.plain import glare as plain_glare
-from pipeline.cost.plain import whole as plain_whole
-from pipeline.effects.glare import mixture
-from pipeline.measure import measure
-from pipeline.optics.aperture import Pose
-from pipeline.scenes import Head, open_scene
-from services.process import prepare_jax
-from tracker_bridge.wire import Eye
+from entoptic.pipeline.cost.plain import glare as plain_glare
+from entoptic.pipeline.cost.plain import whole as plain_whole
+from entoptic.pipeline.effects.glare import mixture
+from entoptic.pipeline.measure import measure
+from entoptic.pipeline.optics.aperture import Pose
+from entoptic.pipeline.scenes import Head, open_scene
+from entoptic.services.process import prepare_jax
+from entoptic.tracker_bridge.wire import Eye
 
 PUPIL_MM = 5.0
 """One that is computed, so that the program's kernel is one and the same as the plain one's."""

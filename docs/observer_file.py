@@ -8,9 +8,9 @@ from typing import Any
 
 import msgspec
 
-from services.console.fields import fields
-from services.console.protocol import Field
-from services.settings import Settings
+from entoptic.services.console.fields import fields
+from entoptic.services.console.protocol import Field
+from entoptic.services.settings import Settings
 
 PAGE = Path(__file__).with_name("observer-file.md")
 BEGIN, END = "<!-- tables: written by observer_file.py -->\n", "<!-- end of tables -->\n"

@@ -22,13 +22,13 @@ import jax
 # Kernels and their energy are computed in float64; frames say float32 themselves, everywhere.
 jax.config.update("jax_enable_x64", True)
 
-from pipeline.effects.glare import Glare, GlareLevel, GlareModel  # noqa: E402 - after the switch above
-from pipeline.effects.settings import Effects  # noqa: E402
-from pipeline.frame import Display, Encoding, Frame, FrameError, Light, View  # noqa: E402 - after the switch above
-from pipeline.looking import Looking  # noqa: E402
-from pipeline.observer import Iris, Living, Observer  # noqa: E402
-from pipeline.plan import Effect, Plan, Planning, Step  # noqa: E402
-from pipeline.render import Perceived, RenderState, as_displayed, perceive  # noqa: E402
+from entoptic.pipeline.effects.glare import Glare, GlareLevel, GlareModel  # noqa: E402 - after the switch above
+from entoptic.pipeline.effects.settings import Effects  # noqa: E402
+from entoptic.pipeline.frame import Display, Encoding, Frame, FrameError, Light, View  # noqa: E402 - after the switch above
+from entoptic.pipeline.looking import Looking  # noqa: E402
+from entoptic.pipeline.observer import Iris, Living, Observer  # noqa: E402
+from entoptic.pipeline.plan import Effect, Plan, Planning, Step  # noqa: E402
+from entoptic.pipeline.render import Perceived, RenderState, as_displayed, perceive  # noqa: E402
 
 __all__ = [
     "Display",

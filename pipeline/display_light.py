@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from pipeline.frame import Display, FrameError
+from entoptic.pipeline.frame import Display, FrameError
 
 REFLECTANCE = 0.01
 """Share of the light falling on a screen that it scatters back: 1 % for an LCD (Mantiuk 2008, display model)."""

@@ -13,6 +13,8 @@ import numpy as np
 from jaxtyping import Array, Float
 from numpy.typing import ArrayLike
 
+from entoptic.errors import EntopticError
+
 LUMINANCE_WEIGHTS = (0.2126, 0.7152, 0.0722)
 """Luminance of linear Rec.709 primaries with D65 white (ITU-R BT.709)."""
 
@@ -20,7 +22,7 @@ Degrees = Annotated[float, msgspec.Meta(ge=1.0, le=175.0)]
 Pixels = Annotated[int, msgspec.Meta(ge=1, le=16384)]
 
 
-class FrameError(Exception):
+class FrameError(EntopticError):
     """A frame, its geometry or a setting cannot be used: the message names the thing and the remedy."""
 
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import dataclasses
 import math
 
-from pipeline.frame import FrameError
-from pipeline.optics.living import Kick
+from entoptic.pipeline.frame import FrameError
+from entoptic.pipeline.optics.living import Kick
 
 
 @dataclasses.dataclass(frozen=True)

@@ -14,8 +14,8 @@ import scipy.ndimage
 from jaxtyping import Array, Float
 from numpy.typing import NDArray
 
-from pipeline.frame import LUMINANCE_WEIGHTS, Frame, View
-from pipeline.ranges import Range
+from entoptic.pipeline.frame import LUMINANCE_WEIGHTS, Frame, View
+from entoptic.pipeline.ranges import Range
 
 TILES = 128
 """Low resolution: at most 128 tiles along the longer side (LUI §5.1)."""

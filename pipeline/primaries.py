@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from pipeline.frame import LUMINANCE_WEIGHTS
+from entoptic.pipeline.frame import LUMINANCE_WEIGHTS
 
 X_WEIGHTS = (0.4124564, 0.3575761, 0.1804375)
 Z_WEIGHTS = (0.0193339, 0.1191920, 0.9503041)

@@ -15,23 +15,23 @@ import msgspec
 import numpy as np
 from jaxtyping import Array, Float
 
-from pipeline.budget import SHIPPED, Choice, CostModel, Timing
-from pipeline.display_light import seen_peak_cd_m2
-from pipeline.effects import acuity, adaptation, afterimage, night_colour, rod_noise, tone
-from pipeline.effects.adaptation import Adapted
-from pipeline.effects.adaptation.pigments import PUPIL_MM
-from pipeline.effects.afterimage import Retina
-from pipeline.effects.encode import encode
-from pipeline.effects.glare import Glare, GlareLevel, Mixture, Sight, mixture, scatter
-from pipeline.effects.settings import Effects
-from pipeline.frame import Display, Frame, FrameError, View
-from pipeline.looking import Looking
-from pipeline.measure import Measurement, luminance, measure
-from pipeline.observer import Observer
-from pipeline.optics import living
-from pipeline.optics.living import LivingState
-from pipeline.optics.pupil import watson_yellott_mm
-from pipeline.plan import SKIPPED, Effect, Eye, Plan, Planning, Scenery, Step, make_plan
+from entoptic.pipeline.budget import SHIPPED, Choice, CostModel, Timing
+from entoptic.pipeline.display_light import seen_peak_cd_m2
+from entoptic.pipeline.effects import acuity, adaptation, afterimage, night_colour, rod_noise, tone
+from entoptic.pipeline.effects.adaptation import Adapted
+from entoptic.pipeline.effects.adaptation.pigments import PUPIL_MM
+from entoptic.pipeline.effects.afterimage import Retina
+from entoptic.pipeline.effects.encode import encode
+from entoptic.pipeline.effects.glare import Glare, GlareLevel, Mixture, Sight, mixture, scatter
+from entoptic.pipeline.effects.settings import Effects
+from entoptic.pipeline.frame import Display, Frame, FrameError, View
+from entoptic.pipeline.looking import Looking
+from entoptic.pipeline.measure import Measurement, luminance, measure
+from entoptic.pipeline.observer import Observer
+from entoptic.pipeline.optics import living
+from entoptic.pipeline.optics.living import LivingState
+from entoptic.pipeline.optics.pupil import watson_yellott_mm
+from entoptic.pipeline.plan import SKIPPED, Effect, Eye, Plan, Planning, Scenery, Step, make_plan
 
 DISPLAY_KEY = 0.18
 """Middle grey of ordinary auto-exposure (Reinhard 2002)."""

@@ -3,34 +3,38 @@
 from __future__ import annotations
 
 import sys
+from typing import Annotated
 
 import typer
 from rich.markup import escape
 
-from services.commands.bridge import bridge
-from services.commands.calibrate import calibrate
-from services.commands.capture import capture
-from services.commands.console import console as console_command
-from services.commands.console_server import console_server
-from services.commands.cost import cost
-from services.commands.detect import detect
-from services.commands.explain import explain
-from services.commands.keys import keys
-from services.commands.psf import psf
-from services.commands.render import render
-from services.commands.report import report
-from services.commands.session import session
-from services.commands.simulate import simulate
-from services.commands.status import status
-from services.commands.tell import tell
-from services.commands.worker import worker
-from services.terminal import console
+from entoptic import __version__
+from entoptic.errors import EntopticError
+from entoptic.services.commands.bridge import bridge
+from entoptic.services.commands.calibrate import calibrate
+from entoptic.services.commands.capture import capture
+from entoptic.services.commands.console import console as console_command
+from entoptic.services.commands.console_server import console_server
+from entoptic.services.commands.cost import cost
+from entoptic.services.commands.detect import detect
+from entoptic.services.commands.explain import explain
+from entoptic.services.commands.keys import keys
+from entoptic.services.commands.psf import psf
+from entoptic.services.commands.render import render
+from entoptic.services.commands.report import report
+from entoptic.services.commands.session import session
+from entoptic.services.commands.simulate import simulate
+from entoptic.services.commands.status import status
+from entoptic.services.commands.tell import tell
+from entoptic.services.commands.worker import worker
+from entoptic.services.terminal import console
 
 app = typer.Typer(
     help="Shows what a person would see: HDR frames in cd/m² and the state of a person's eyes go in, the frames as "
     "that person perceives them come out.",
     epilog="Start with:  entoptic session",
     no_args_is_help=True,
+    invoke_without_command=True,
     add_completion=False,
     pretty_exceptions_enable=False,
     rich_markup_mode="rich",
@@ -54,6 +58,17 @@ for command, example in (
     (keys, "keys --out keys --client projector"),
 ):
     app.command(name=command.__name__, epilog=f"Example:  entoptic {example}")(command)
+
+
+@app.callback()
+def _program(
+    version: Annotated[bool, typer.Option("--version", help="Print the version and exit.", is_eager=True)] = False,
+) -> None:
+    if version:
+        console.print(f"entoptic {__version__}")
+        raise typer.Exit
+
+
 app.command(name="console-server", hidden=True)(console_server)
 app.add_typer(cost, name="cost")
 
@@ -62,39 +77,6 @@ def main() -> None:
     """Runs a command; a known error is one line and exit status 1."""
     try:
         app()
-    except Exception as error:
-        if not isinstance(error, _known_errors()):
-            raise
+    except EntopticError as error:
         console.print(f"[red]error:[/red] {escape(str(error))}", soft_wrap=True)
         sys.exit(1)
-
-
-def _known_errors() -> tuple[type[Exception], ...]:
-    from pipeline import FrameError
-    from pipeline.optics import OpticsError
-    from services.capture import CaptureError
-    from services.console.access import ConsoleError
-    from services.control import ControlError
-    from services.keys import KeysError
-    from services.live.takes import TakeError
-    from services.reader import ReaderError
-    from services.results.folder import ResultsFolderError
-    from services.results.moments import MomentsError
-    from services.results.session_file import SessionFileError
-    from services.session.offline import SessionError
-    from services.settings import SettingsError
-    from tracker_bridge.access import OpenAddressError
-    from tracker_bridge.calibration import CalibrationError
-    from tracker_bridge.publisher import PortInUseError
-    from tracker_bridge.pupil_map import PupilMapError
-    from tracker_bridge.source import SourceError
-
-    light = (FrameError, OpticsError)
-    eyes = (CaptureError, SourceError, CalibrationError, PupilMapError)
-    processes = (ReaderError, SessionError, SettingsError, PortInUseError, OpenAddressError, KeysError, ControlError)
-    results = (MomentsError, ResultsFolderError, SessionFileError, TakeError, ConsoleError)
-    return (*light, *eyes, *processes, *results)
-
-
-if __name__ == "__main__":
-    main()

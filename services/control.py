@@ -12,8 +12,9 @@ from typing import Any, Generic, TypeVar
 import msgspec
 import zmq
 
-from tracker_bridge.access import ClientKeys, ServerKeys, refuse_open
-from tracker_bridge.publisher import PortInUseError, bind
+from entoptic.errors import EntopticError
+from entoptic.tracker_bridge.access import ClientKeys, ServerKeys, refuse_open
+from entoptic.tracker_bridge.publisher import PortInUseError, bind
 
 PATIENCE_MS = 2000
 """Every process answers between two samples, or from a thread of its own."""
@@ -33,7 +34,7 @@ class Reply(msgspec.Struct, frozen=True):
     """For a program: of a status, its figures."""
 
 
-class ControlError(Exception):
+class ControlError(EntopticError):
     """A process cannot be told: the message names it and the remedy."""
 
 

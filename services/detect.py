@@ -9,12 +9,12 @@ import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 
-from services.event_scores import Scores, Span, compare
-from tracker_bridge.chain import records_of
-from tracker_bridge.events import BlinkOffset, BlinkOnset, SaccadeKind, SaccadeOffset, SaccadeOnset
-from tracker_bridge.microsaccades import COVERED, MIN_CONFIDENCE
-from tracker_bridge.samples import NS_PER_S, Eye, EyeState, GazeSample
-from tracker_bridge.source import Item, Source, SourceError
+from entoptic.services.event_scores import Scores, Span, compare
+from entoptic.tracker_bridge.chain import records_of
+from entoptic.tracker_bridge.events import BlinkOffset, BlinkOnset, SaccadeKind, SaccadeOffset, SaccadeOnset
+from entoptic.tracker_bridge.microsaccades import COVERED, MIN_CONFIDENCE
+from entoptic.tracker_bridge.samples import NS_PER_S, Eye, EyeState, GazeSample
+from entoptic.tracker_bridge.source import Item, Source, SourceError
 
 AT_BLINK_NS = 100_000_000
 """A movement that ends so shortly before the eye is lost may be the lid's. Online nobody can know in time."""

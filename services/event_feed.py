@@ -18,10 +18,10 @@ from collections.abc import Callable
 
 import zmq
 
-from tracker_bridge import wire
-from tracker_bridge.access import ClientKeys
-from tracker_bridge.publisher import KEEPALIVE
-from tracker_bridge.wire import Event, Heartbeat, NumberedEvent, StreamEnded
+from entoptic.tracker_bridge import wire
+from entoptic.tracker_bridge.access import ClientKeys
+from entoptic.tracker_bridge.publisher import KEEPALIVE
+from entoptic.tracker_bridge.wire import Event, Heartbeat, NumberedEvent, StreamEnded
 
 ANSWER_WITHIN_S = 2.0
 """Engineering choice: ten times what a busy machine needs."""

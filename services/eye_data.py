@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING
 import msgspec
 
 if TYPE_CHECKING:
-    from tracker_bridge.source import Source
-    from tracker_bridge.sources import TrackerSettings
+    from entoptic.tracker_bridge.source import Source
+    from entoptic.tracker_bridge.sources import TrackerSettings
 
 SIMULATED_SECONDS = 4.8
 """How long a simulated recording is unless told otherwise."""
@@ -29,15 +29,15 @@ def open_eyes(
     tracker: TrackerSettings | None = None,
 ) -> Source:
     """The source that `spec` names; `seconds`, `seed` and `luminance` are for simulated eyes. Raises SourceError."""
-    from tracker_bridge.source import SourceError
-    from tracker_bridge.sources import SIMULATED, USB_SIMULATED, open_source
-    from tracker_bridge.sources.simulated import SimulatedSettings
+    from entoptic.tracker_bridge.source import SourceError
+    from entoptic.tracker_bridge.sources import SIMULATED, USB_SIMULATED, open_source
+    from entoptic.tracker_bridge.sources.simulated import SimulatedSettings
 
     simulated = SimulatedSettings(seconds=seconds or SIMULATED_SECONDS, seed=seed)
     if luminance is not None:
         if spec.removeprefix(USB_SIMULATED) != SIMULATED:
             raise SourceError(f"{spec} has pupils that no luminance drives: leave it out, or name {SIMULATED}")
-        from services import simulated_light
+        from entoptic.services import simulated_light
 
         simulated = msgspec.structs.replace(simulated, luminance=simulated_light.read(luminance))
     return open_source(spec, table_map=table_map, simulated=simulated, tracker=tracker)
@@ -55,13 +55,13 @@ def open_live_eyes(
 
     `begun_ns`: when it began on the monotonic clock, if it did before. Raises SourceError.
     """
-    from tracker_bridge.sources import SIMULATED, USB_SIMULATED
-    from tracker_bridge.sources.played import Played
-    from tracker_bridge.sources.simulated import SimulatedSettings
-    from tracker_bridge.sources.simulated_endless import EndlessEyes
+    from entoptic.tracker_bridge.sources import SIMULATED, USB_SIMULATED
+    from entoptic.tracker_bridge.sources.played import Played
+    from entoptic.tracker_bridge.sources.simulated import SimulatedSettings
+    from entoptic.tracker_bridge.sources.simulated_endless import EndlessEyes
 
     if spec == SIMULATED and table_map is None:
-        from services import simulated_light
+        from entoptic.services import simulated_light
 
         light = ((0.0, ROOM_CD_M2),) if luminance is None else simulated_light.read(luminance)
         return EndlessEyes(

@@ -15,13 +15,14 @@ import zmq
 from zmq.auth import create_certificates, load_certificate
 from zmq.utils import z85
 
-from tracker_bridge.access import ClientKeys, ServerKeys
+from entoptic.errors import EntopticError
+from entoptic.tracker_bridge.access import ClientKeys, ServerKeys
 
 BRIDGE, CLIENT, CLIENTS = "bridge", "client", "clients"
 _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_-]{0,63}")
 
 
-class KeysError(Exception):
+class KeysError(EntopticError):
     """Keys cannot be made or read: the message names the file and the remedy."""
 
 

@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from tracker_bridge.chain import Lane
+from entoptic.tracker_bridge.chain import Lane
 
 
 class Eyes(StrEnum):

@@ -129,7 +129,7 @@ def prepare_jax(*, renders: bool = True) -> None:
             mallopt(_M_TRIM_THRESHOLD, 2**31 - 1)
     import jax
 
-    import pipeline  # noqa: F401 - sets up JAX before anything asks it to compile
+    import entoptic.pipeline  # noqa: F401 - sets up JAX before anything asks it to compile
 
     if not renders:
         jax.config.update("jax_platforms", "cpu")

@@ -9,12 +9,13 @@ from collections.abc import Callable, Iterable
 import zmq
 from zmq.utils.monitor import recv_monitor_message
 
-from services.event_feed import EventFeed
-from tracker_bridge import wire
-from tracker_bridge.access import ClientKeys
-from tracker_bridge.chain import PATIENCE_NS
-from tracker_bridge.publisher import KEEPALIVE
-from tracker_bridge.wire import Event, EyeState, SaccadeOffset, StreamEnded, StreamStarted
+from entoptic.errors import EntopticError
+from entoptic.services.event_feed import EventFeed
+from entoptic.tracker_bridge import wire
+from entoptic.tracker_bridge.access import ClientKeys
+from entoptic.tracker_bridge.chain import PATIENCE_NS
+from entoptic.tracker_bridge.publisher import KEEPALIVE
+from entoptic.tracker_bridge.wire import Event, EyeState, SaccadeOffset, StreamEnded, StreamStarted
 
 SILENCE_S = 10.0
 """A bridge that is silent for as long is taken for gone: ten heartbeats."""
@@ -29,7 +30,7 @@ _REFUSED = zmq.EVENT_HANDSHAKE_FAILED_AUTH | zmq.EVENT_HANDSHAKE_FAILED_PROTOCOL
 _CUT_OFF = zmq.EVENT_HANDSHAKE_FAILED_NO_DETAIL
 
 
-class ReaderError(Exception):
+class ReaderError(EntopticError):
     """A bridge cannot be read: the message names its address and the remedy."""
 
 

@@ -8,11 +8,11 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from pipeline import FrameError, Perceived
-from pipeline.budget import load as load_costs
-from pipeline.sinks.images import still_path, write_still
-from services.explain.subject import Subject
-from services.process import cache_folder
+from entoptic.pipeline import FrameError, Perceived
+from entoptic.pipeline.budget import load as load_costs
+from entoptic.pipeline.sinks.images import still_path, write_still
+from entoptic.services.explain.subject import Subject
+from entoptic.services.process import cache_folder
 
 
 def run(seen: Subject, output: Path, console: Console) -> None:

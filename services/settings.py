@@ -9,14 +9,15 @@ from pathlib import Path
 
 import msgspec
 
-from pipeline import Display, Effects, Observer, Planning
-from pipeline.plan import LEAVABLE
+from entoptic.errors import EntopticError
+from entoptic.pipeline import Display, Effects, Observer, Planning
+from entoptic.pipeline.plan import LEAVABLE
 
 _PLACE = re.compile(r"`\$\.([\w.]+)")
 """How msgspec says where in a file it is."""
 
 
-class SettingsError(Exception):
+class SettingsError(EntopticError):
     """A settings file cannot be used: the message names the file, the key and the remedy."""
 
 

@@ -7,12 +7,12 @@ import math
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from tracker_bridge.source import SourceError
-from tracker_bridge.wire import Eye
+from entoptic.tracker_bridge.source import SourceError
+from entoptic.tracker_bridge.wire import Eye
 
 if TYPE_CHECKING:
-    from pipeline import View
-    from pipeline.scenes import Scene
+    from entoptic.pipeline import View
+    from entoptic.pipeline.scenes import Scene
 
 COLUMNS = ("t_s", "cd_m2")
 STEP_S = 0.2
@@ -24,9 +24,9 @@ LightSteps = tuple[tuple[float, float], ...]
 
 def of_scene(scene: Scene, view: View, head: str, seconds: float) -> LightSteps:
     """The mean luminance before the left eye, from small frames of the scene; a head that follows is held still."""
-    from pipeline.measure import measure
-    from pipeline.scenes import Head
-    from pipeline.scenes.head_path import FollowGaze, Still, open_head_path
+    from entoptic.pipeline.measure import measure
+    from entoptic.pipeline.scenes import Head
+    from entoptic.pipeline.scenes.head_path import FollowGaze, Still, open_head_path
 
     shrink = max(view.width_px, view.height_px) / 100
     small = scene.view_for(max(round(view.width_px / shrink), 1), max(round(view.height_px / shrink), 1), view.fov_deg)

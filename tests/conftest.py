@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 import structlog
 
-from services.process import cache_folder
+from entoptic.services.process import cache_folder
 
 # Before JAX is imported. What was compiled once is compiled for all tests, and for the program: a third of their time.
 os.environ.setdefault("JAX_COMPILATION_CACHE_DIR", str(cache_folder() / "compiled"))

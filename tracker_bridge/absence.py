@@ -11,9 +11,9 @@ from __future__ import annotations
 import collections
 import statistics
 
-from tracker_bridge.course import Course
-from tracker_bridge.samples import Phase, PupilSample
-from tracker_bridge.trust import IRIS_SPEED_PER_S, MIN_CONFIDENCE, SPEED_WINDOW_NS, Sight
+from entoptic.tracker_bridge.course import Course
+from entoptic.tracker_bridge.samples import Phase, PupilSample
+from entoptic.tracker_bridge.trust import IRIS_SPEED_PER_S, MIN_CONFIDENCE, SPEED_WINDOW_NS, Sight
 
 SETTLE_NS = 50_000_000
 """How long a pupil must be whole again before it is trusted. Engineering choice, as Kret & Sjak-Shie 2019 pad."""

@@ -12,13 +12,15 @@ import zmq
 from zmq.auth import load_certificate
 from zmq.utils import z85
 
+from entoptic.errors import EntopticError
+
 ZAP_ADDRESS = "inproc://zeromq.zap.01"
 """Where libzmq asks whether a client may come in (ZeroMQ RFC 27)."""
 ZAP_DOMAIN = "entoptic"
 """A socket has to have one for libzmq to shut everybody out while nobody answers there; it lets everybody in else."""
 
 
-class OpenAddressError(Exception):
+class OpenAddressError(EntopticError):
     """An address would let anybody on the network read a person's eyes: the message names it and the remedy."""
 
 

@@ -6,11 +6,11 @@ import contextlib
 import time
 from collections.abc import Callable, Generator
 
-from tracker_bridge.chain import Chain
-from tracker_bridge.events import Event, Heartbeat, StreamEnded, StreamStarted
-from tracker_bridge.publisher import HEARTBEAT_S, Publisher
-from tracker_bridge.samples import NS_PER_S, EyeState
-from tracker_bridge.source import Item, Source
+from entoptic.tracker_bridge.chain import Chain
+from entoptic.tracker_bridge.events import Event, Heartbeat, StreamEnded, StreamStarted
+from entoptic.tracker_bridge.publisher import HEARTBEAT_S, Publisher
+from entoptic.tracker_bridge.samples import NS_PER_S, EyeState
+from entoptic.tracker_bridge.source import Item, Source
 
 
 def _nothing() -> None:

@@ -27,7 +27,8 @@ from collections.abc import Iterator
 
 import msgspec
 
-from tracker_bridge.samples import NS_PER_S, PupilSample
+from entoptic.errors import EntopticError
+from entoptic.tracker_bridge.samples import NS_PER_S, PupilSample
 
 SHOWN_WITHIN_NS = 3 * NS_PER_S
 """A display that has not answered by then shows nothing. Engineering choice: many frames, and time to reconnect."""
@@ -48,7 +49,7 @@ LUIDOLT_S = 5.0
 SECONDS_RANGE = (1.0, 120.0)
 
 
-class CalibrationError(Exception):
+class CalibrationError(EntopticError):
     """A calibration cannot be run as asked for: the message says what is wrong and what to do."""
 
 

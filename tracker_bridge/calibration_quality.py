@@ -18,11 +18,11 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from tracker_bridge.calibration import Protocol, Screen, ShownScreen, Stage, Statistic
-from tracker_bridge.dropout import DropoutFilter
-from tracker_bridge.pupil_map import WHITE_PX_AS_MM, Unit, in_provisional_mm
-from tracker_bridge.samples import NS_PER_S, Eye, Phase, PupilSample
-from tracker_bridge.trust import MIN_CONFIDENCE
+from entoptic.tracker_bridge.calibration import Protocol, Screen, ShownScreen, Stage, Statistic
+from entoptic.tracker_bridge.dropout import DropoutFilter
+from entoptic.tracker_bridge.pupil_map import WHITE_PX_AS_MM, Unit, in_provisional_mm
+from entoptic.tracker_bridge.samples import NS_PER_S, Eye, Phase, PupilSample
+from entoptic.tracker_bridge.trust import MIN_CONFIDENCE
 
 Floats = NDArray[np.float64]
 

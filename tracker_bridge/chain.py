@@ -13,19 +13,19 @@ import enum
 import statistics
 from collections.abc import Iterable, Iterator
 
-from tracker_bridge.dropout import DropoutFilter, Shown, slewed_mm
-from tracker_bridge.events import (
+from entoptic.tracker_bridge.dropout import DropoutFilter, Shown, slewed_mm
+from entoptic.tracker_bridge.events import (
     ClockEstimated,
     ClockJumped,
     Event,
     SourceSilent,
 )
-from tracker_bridge.microsaccades import COVERED, MIN_CONFIDENCE, SaccadeDetector
-from tracker_bridge.pupil_map import PupilMap
-from tracker_bridge.recording_lane import RecordingLane
-from tracker_bridge.samples import Direction, Eye, EyeState, GazeSample, OneEyeState, Phase, PupilSample
-from tracker_bridge.source import Item, Tick
-from tracker_bridge.trust import DIAMETER_RANGE_MM
+from entoptic.tracker_bridge.microsaccades import COVERED, MIN_CONFIDENCE, SaccadeDetector
+from entoptic.tracker_bridge.pupil_map import PupilMap
+from entoptic.tracker_bridge.recording_lane import RecordingLane
+from entoptic.tracker_bridge.samples import Direction, Eye, EyeState, GazeSample, OneEyeState, Phase, PupilSample
+from entoptic.tracker_bridge.source import Item, Tick
+from entoptic.tracker_bridge.trust import DIAMETER_RANGE_MM
 
 SAME_TIME_NS = 50_000_000
 """Two eyes' samples within it count as of one moment: a tracker at 30 Hz takes its eyes 33 ms apart at most."""

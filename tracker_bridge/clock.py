@@ -13,8 +13,8 @@ import collections
 import dataclasses
 import time
 
-from tracker_bridge.events import ClockEstimated, ClockJumped
-from tracker_bridge.samples import NS_PER_S
+from entoptic.tracker_bridge.events import ClockEstimated, ClockJumped
+from entoptic.tracker_bridge.samples import NS_PER_S
 
 ClockEvent = ClockEstimated | ClockJumped
 

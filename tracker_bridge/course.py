@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
-from tracker_bridge.trust import IRIS_SPEED_PER_S
+from entoptic.tracker_bridge.trust import IRIS_SPEED_PER_S
 
 FADE_S = 0.2
 """How long the pupil goes on, e-fold. Engineering choice; see docs/bridge.md for what half and double it do."""

@@ -16,13 +16,13 @@ import collections
 import dataclasses
 import statistics
 
-from tracker_bridge.absence import LOST_AFTER_NS, Absence, Lids
-from tracker_bridge.course import BASELINE_NS, Course
-from tracker_bridge.events import BlinkOffset, BlinkOnset, Event, PupilBack, PupilLost
-from tracker_bridge.lid_dips import LidDips
-from tracker_bridge.openness import estimated_openness
-from tracker_bridge.samples import Eye, Phase, PupilSample
-from tracker_bridge.trust import DIAMETER_RANGE_MM, Gate, Measure, Sight
+from entoptic.tracker_bridge.absence import LOST_AFTER_NS, Absence, Lids
+from entoptic.tracker_bridge.course import BASELINE_NS, Course
+from entoptic.tracker_bridge.events import BlinkOffset, BlinkOnset, Event, PupilBack, PupilLost
+from entoptic.tracker_bridge.lid_dips import LidDips
+from entoptic.tracker_bridge.openness import estimated_openness
+from entoptic.tracker_bridge.samples import Eye, Phase, PupilSample
+from entoptic.tracker_bridge.trust import DIAMETER_RANGE_MM, Gate, Measure, Sight
 
 ROLL_BACK_NS = 50_000_000
 """How far before the first mistrusted sample the held diameter is taken from. Engineering choice: the gate sees a lid

@@ -10,7 +10,7 @@ from typing import Annotated
 
 import msgspec
 
-from tracker_bridge.samples import Count, Eye
+from entoptic.tracker_bridge.samples import Count, Eye
 
 NonNegative = Annotated[float, msgspec.Meta(ge=0.0)]
 

@@ -14,10 +14,10 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable
 
-from tracker_bridge.events import SaccadeKind, SaccadeOffset, SaccadeOnset
-from tracker_bridge.saccade_of_one_eye import LONG_AGO_NS, Movement, OneEye, SaccadeSettings
-from tracker_bridge.saccade_velocity import Place
-from tracker_bridge.samples import Eye, GazeSample, Phase
+from entoptic.tracker_bridge.events import SaccadeKind, SaccadeOffset, SaccadeOnset
+from entoptic.tracker_bridge.saccade_of_one_eye import LONG_AGO_NS, Movement, OneEye, SaccadeSettings
+from entoptic.tracker_bridge.saccade_velocity import Place
+from entoptic.tracker_bridge.samples import Eye, GazeSample, Phase
 
 SaccadeEvent = SaccadeOnset | SaccadeOffset
 

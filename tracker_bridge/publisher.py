@@ -19,10 +19,11 @@ from collections.abc import Callable
 
 import zmq
 
-from tracker_bridge import access, replay, wire
-from tracker_bridge.access import ServerKeys
-from tracker_bridge.events import Event, Heartbeat
-from tracker_bridge.samples import EyeState
+from entoptic.errors import EntopticError
+from entoptic.tracker_bridge import access, replay, wire
+from entoptic.tracker_bridge.access import ServerKeys
+from entoptic.tracker_bridge.events import Event, Heartbeat
+from entoptic.tracker_bridge.samples import EyeState
 
 SEND_QUEUE = 1000
 """Messages kept for each reader: 2.5 s of states of two eyes at 200 Hz. Engineering choice: longer than any pause of a
@@ -48,7 +49,7 @@ stalled is not taken for gone."""
 Stopped = Callable[[], bool]
 
 
-class PortInUseError(Exception):
+class PortInUseError(EntopticError):
     """An address cannot be bound: the message names it and the remedy."""
 
 

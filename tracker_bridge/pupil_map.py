@@ -15,7 +15,8 @@ from typing import Annotated, Literal
 
 import msgspec
 
-from tracker_bridge.samples import Eye, EyeState, OneEyeState, PupilSample
+from entoptic.errors import EntopticError
+from entoptic.tracker_bridge.samples import Eye, EyeState, OneEyeState, PupilSample
 
 Unit = Literal["mm", "px"]
 WHITE_PX_AS_MM = 2.5
@@ -28,7 +29,7 @@ Share = Annotated[float, msgspec.Meta(ge=0.0, le=1.0)]
 Diameter = Annotated[float, msgspec.Meta(gt=0.0, le=10_000.0)]
 
 
-class PupilMapError(Exception):
+class PupilMapError(EntopticError):
     """A pupil map cannot be read or written: the message names the file and the remedy."""
 
 

@@ -17,9 +17,9 @@ from collections.abc import Iterator
 
 import msgspec
 
-from tracker_bridge.course import BASELINE_NS, Course
-from tracker_bridge.samples import Eye, EyeState, OneEyeState, Phase
-from tracker_bridge.trust import DIAMETER_RANGE_MM
+from entoptic.tracker_bridge.course import BASELINE_NS, Course
+from entoptic.tracker_bridge.samples import Eye, EyeState, OneEyeState, Phase
+from entoptic.tracker_bridge.trust import DIAMETER_RANGE_MM
 
 LAG_NS = 50_000_000
 """Engineering choice: ten samples at 200 Hz, as much as a lid needs from its first touch of the pupil to covering it,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import threading
 
-from tracker_bridge import wire
+from entoptic.tracker_bridge import wire
 
 MAX_EVENTS = 100_000
 """Engineering choice: three hours at ten events a second, which is what fixations with microsaccades, blinks and a

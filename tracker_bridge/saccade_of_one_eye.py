@@ -14,7 +14,7 @@ import math
 import statistics
 from collections.abc import Sequence
 
-from tracker_bridge.saccade_velocity import NoiseMeter, Place, Velocity, VelocityFilter
+from entoptic.tracker_bridge.saccade_velocity import NoiseMeter, Place, Velocity, VelocityFilter
 
 LONG_AGO_NS = -(2**62)
 

@@ -7,11 +7,12 @@ from typing import Protocol
 
 import msgspec
 
-from tracker_bridge.events import SourceEvent
-from tracker_bridge.samples import GazeSample, PupilSample
+from entoptic.errors import EntopticError
+from entoptic.tracker_bridge.events import SourceEvent
+from entoptic.tracker_bridge.samples import GazeSample, PupilSample
 
 
-class SourceError(Exception):
+class SourceError(EntopticError):
     """A source cannot be read: the message names the thing and the remedy."""
 
 

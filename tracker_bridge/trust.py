@@ -11,7 +11,7 @@ from __future__ import annotations
 import collections
 import enum
 
-from tracker_bridge.samples import PupilSample
+from entoptic.tracker_bridge.samples import PupilSample
 
 MIN_CONFIDENCE = 0.6
 """Pupil Core's own threshold for "useful" data (its user guide). Half-closed lids pass it, hence the speed gate."""

@@ -19,7 +19,7 @@ from typing import Annotated, Any, Final, Generic, TypeVar
 
 import msgspec
 
-from tracker_bridge.events import (
+from entoptic.tracker_bridge.events import (
     BlinkOffset,
     BlinkOnset,
     ClockEstimated,
@@ -40,7 +40,7 @@ from tracker_bridge.events import (
     TrackerStatus,
     TrackerTask,
 )
-from tracker_bridge.samples import NS_PER_S, Count, Direction, Eye, EyeState, OneEyeState, Phase
+from entoptic.tracker_bridge.samples import NS_PER_S, Count, Direction, Eye, EyeState, OneEyeState, Phase
 
 __all__ = [
     "NS_PER_S",

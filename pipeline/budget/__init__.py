@@ -9,10 +9,10 @@ choose.py        the levels of least error that fit a budget
 steady.py        the same from frame to frame: hysteresis and cross-fades
 """
 
-from pipeline.budget.choose import TOLERANCE_CODE_VALUES, Option, choose, counted_error, option_at
-from pipeline.budget.costs import SHIPPED, Cost, CostModel, Timing, calibrate, corrected, fitted
-from pipeline.budget.device_costs import costs_file, device_name, load, save
-from pipeline.budget.steady import Choice, settle
+from entoptic.pipeline.budget.choose import TOLERANCE_CODE_VALUES, Option, choose, counted_error, option_at
+from entoptic.pipeline.budget.costs import SHIPPED, Cost, CostModel, Timing, calibrate, corrected, fitted
+from entoptic.pipeline.budget.device_costs import costs_file, device_name, load, save
+from entoptic.pipeline.budget.steady import Choice, settle
 
 __all__ = [
     "SHIPPED",

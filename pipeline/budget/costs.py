@@ -17,7 +17,7 @@ import msgspec
 import numpy as np
 import scipy.optimize
 
-from pipeline.frame import FrameError
+from entoptic.pipeline.frame import FrameError
 
 Milliseconds = Annotated[float, msgspec.Meta(ge=0.0, le=1e9)]
 

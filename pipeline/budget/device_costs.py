@@ -10,9 +10,9 @@ from pathlib import Path
 import jax
 import msgspec
 
-from pipeline.budget.costs import SHIPPED, Cost, CostModel, over_shipped
-from pipeline.frame import FrameError
-from pipeline.sinks.whole_file import WholeFile
+from entoptic.pipeline.budget.costs import SHIPPED, Cost, CostModel, over_shipped
+from entoptic.pipeline.frame import FrameError
+from entoptic.pipeline.sinks.whole_file import WholeFile
 
 VERSION = 1
 """Of the file's form."""

@@ -15,7 +15,7 @@ import dataclasses
 import math
 from collections.abc import Mapping, Sequence
 
-from pipeline.budget.choose import TOLERANCE_CODE_VALUES, Option, Options, choose, counted_error, option_at
+from entoptic.pipeline.budget.choose import TOLERANCE_CODE_VALUES, Option, Options, choose, counted_error, option_at
 
 CALM_S = 0.5
 """How long a cheaper level must have been good enough. Engineering choice: longer than a blink (0.3–0.4 s, equations

@@ -9,12 +9,12 @@ from typing import Any
 
 import jax
 
-from pipeline.budget import SHIPPED, CostModel, Timing, calibrate
-from pipeline.cost.scenes import scene
-from pipeline.cost.ways import EFFECTS, Stage
-from pipeline.cost.ways.on_display import DEFAULT_CELLS
-from pipeline.cost.whole_frame import Size
-from pipeline.measure import measure
+from entoptic.pipeline.budget import SHIPPED, CostModel, Timing, calibrate
+from entoptic.pipeline.cost.scenes import scene
+from entoptic.pipeline.cost.ways import EFFECTS, Stage
+from entoptic.pipeline.cost.ways.on_display import DEFAULT_CELLS
+from entoptic.pipeline.cost.whole_frame import Size
+from entoptic.pipeline.measure import measure
 
 SCENE = "night street"
 """Engineering choice: lamps, darkness and colour, so that no effect has an easy time."""

@@ -8,10 +8,10 @@ from collections.abc import Callable, Mapping, Sequence
 import numpy as np
 from jaxtyping import Array, Float
 
-from pipeline.cost.errors import Errors, errors_of
-from pipeline.cost.scenes import CostScene
-from pipeline.cost.timing import Times, interleaved
-from pipeline.frame import Display
+from entoptic.pipeline.cost.errors import Errors, errors_of
+from entoptic.pipeline.cost.scenes import CostScene
+from entoptic.pipeline.cost.timing import Times, interleaved
+from entoptic.pipeline.frame import Display
 
 
 @dataclasses.dataclass(frozen=True, eq=False)

@@ -5,9 +5,17 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Callable
 
-from pipeline.cost import scenes
-from pipeline.cost.ways import EFFECTS, Row, Stage, measure_ways
-from pipeline.cost.whole_frame import COMBINATIONS, GLARES, Size, Whole, errors_of_combinations, parts_ms, time_of
+from entoptic.pipeline.cost import scenes
+from entoptic.pipeline.cost.ways import EFFECTS, Row, Stage, measure_ways
+from entoptic.pipeline.cost.whole_frame import (
+    COMBINATIONS,
+    GLARES,
+    Size,
+    Whole,
+    errors_of_combinations,
+    parts_ms,
+    time_of,
+)
 
 PARTS = 6 + len(GLARES) - 1
 """How many parts of a frame are timed."""

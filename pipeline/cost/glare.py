@@ -16,12 +16,12 @@ import numpy as np
 from jaxtyping import Array, Float
 from numpy.typing import NDArray
 
-from pipeline.cost.comparison import Row, Setting, compare, worst
-from pipeline.cost.scenes import CostScene, lamps_over_dark, night_street, sun_over_dark
-from pipeline.cost.sun_corner import SunCorner, sun_corner
-from pipeline.effects.glare import Glare, GlareLevel, Sight, scatter
-from pipeline.effects.glare.kernel import Mixture, Veil
-from pipeline.effects.glare.models import (
+from entoptic.pipeline.cost.comparison import Row, Setting, compare, worst
+from entoptic.pipeline.cost.scenes import CostScene, lamps_over_dark, night_street, sun_over_dark
+from entoptic.pipeline.cost.sun_corner import SunCorner, sun_corner
+from entoptic.pipeline.effects.glare import Glare, GlareLevel, Sight, scatter
+from entoptic.pipeline.effects.glare.kernel import Mixture, Veil
+from entoptic.pipeline.effects.glare.models import (
     GRID,
     PUPIL_STEP_MM,
     GlareModel,
@@ -29,11 +29,11 @@ from pipeline.effects.glare.models import (
     reference_kernel,
     wave_component,
 )
-from pipeline.effects.glare.reference import reference_glare
-from pipeline.frame import Display
-from pipeline.observer import Observer
-from pipeline.optics.aperture import Pose
-from pipeline.optics.light_spectra import WAVELENGTHS
+from entoptic.pipeline.effects.glare.reference import reference_glare
+from entoptic.pipeline.frame import Display
+from entoptic.pipeline.observer import Observer
+from entoptic.pipeline.optics.aperture import Pose
+from entoptic.pipeline.optics.light_spectra import WAVELENGTHS
 
 PUPIL_MM = 5.0
 """One of those whose kernels are kept. Engineering choice: midway between the limits of 2 and 8."""

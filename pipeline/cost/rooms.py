@@ -9,8 +9,8 @@ import jax.numpy as jnp
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.frame import LUMINANCE_WEIGHTS, Frame, View
-from pipeline.scenes.discs import add_discs
+from entoptic.pipeline.frame import LUMINANCE_WEIGHTS, Frame, View
+from entoptic.pipeline.scenes.discs import add_discs
 
 Reals = NDArray[np.float64]
 

@@ -9,14 +9,14 @@ from collections.abc import Callable, Mapping
 import jax.numpy as jnp
 import numpy as np
 
-from pipeline.cost import landscape, rooms
-from pipeline.cost.landscape import SUN_CD_M2, SUN_RADIUS_DEG
-from pipeline.effects import adaptation
-from pipeline.frame import Frame, View
-from pipeline.measure import Measurement, measure
-from pipeline.scenes.night_street import NightStreet
-from pipeline.scenes.scene import Head
-from tracker_bridge.wire import Eye
+from entoptic.pipeline.cost import landscape, rooms
+from entoptic.pipeline.cost.landscape import SUN_CD_M2, SUN_RADIUS_DEG
+from entoptic.pipeline.effects import adaptation
+from entoptic.pipeline.frame import Frame, View
+from entoptic.pipeline.measure import Measurement, measure
+from entoptic.pipeline.scenes.night_street import NightStreet
+from entoptic.pipeline.scenes.scene import Head
+from entoptic.tracker_bridge.wire import Eye
 
 STREET_S = 3.0
 """When in the street's course: a car comes with dipped headlights."""

@@ -11,10 +11,10 @@ import scipy.fft
 from jaxtyping import Array, Float
 from numpy.typing import NDArray
 
-from pipeline.cost.scenes import SUN_DARK_CD_M2, CostScene
-from pipeline.effects.glare.kernel import Component
-from pipeline.effects.glare.window import glare_frame
-from pipeline.frame import LUMINANCE_WEIGHTS, View
+from entoptic.pipeline.cost.scenes import SUN_DARK_CD_M2, CostScene
+from entoptic.pipeline.effects.glare.kernel import Component
+from entoptic.pipeline.effects.glare.window import glare_frame
+from entoptic.pipeline.frame import LUMINANCE_WEIGHTS, View
 
 PLAIN = "a plain float32 FFT of the whole kernel"
 LAID = "level frame without its veil"

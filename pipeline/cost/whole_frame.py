@@ -16,21 +16,21 @@ from typing import Any
 import jax.numpy as jnp
 import numpy as np
 
-from pipeline.cost.comparison import pareto
-from pipeline.cost.errors import Errors, OnDisplay, errors_between
-from pipeline.cost.plain import acuity as plain_acuity
-from pipeline.cost.plain import night_colour as plain_night
-from pipeline.cost.plain import tone as plain_tone
-from pipeline.cost.timing import interleaved
-from pipeline.cost.ways.stage import Reals, Stage
-from pipeline.cost.ways.way import SKIPPED
-from pipeline.effects import acuity, adaptation, night_colour, tone
-from pipeline.effects.encode import encode
-from pipeline.effects.glare import Glare, GlareLevel
-from pipeline.effects.glare.reference import of_mixture, reference_glare
-from pipeline.effects.night_colour import NightColour
-from pipeline.effects.tone import Tone
-from pipeline.measure import measure
+from entoptic.pipeline.cost.comparison import pareto
+from entoptic.pipeline.cost.errors import Errors, OnDisplay, errors_between
+from entoptic.pipeline.cost.plain import acuity as plain_acuity
+from entoptic.pipeline.cost.plain import night_colour as plain_night
+from entoptic.pipeline.cost.plain import tone as plain_tone
+from entoptic.pipeline.cost.timing import interleaved
+from entoptic.pipeline.cost.ways.stage import Reals, Stage
+from entoptic.pipeline.cost.ways.way import SKIPPED
+from entoptic.pipeline.effects import acuity, adaptation, night_colour, tone
+from entoptic.pipeline.effects.encode import encode
+from entoptic.pipeline.effects.glare import Glare, GlareLevel
+from entoptic.pipeline.effects.glare.reference import of_mixture, reference_glare
+from entoptic.pipeline.effects.night_colour import NightColour
+from entoptic.pipeline.effects.tone import Tone
+from entoptic.pipeline.measure import measure
 
 GLARES = (SKIPPED, *(level.value for level in GlareLevel if level is not GlareLevel.REFERENCE))
 ALWAYS = ("measure", "adaptation", "tone", "encode")

@@ -22,8 +22,8 @@ import numpy as np
 from jaxtyping import Array, Float, UInt8, UInt16
 from numpy.typing import NDArray
 
-from pipeline.display_light import black_share, reflected_cd_m2, seen_peak_cd_m2
-from pipeline.frame import Display, Encoding
+from entoptic.pipeline.display_light import black_share, reflected_cd_m2, seen_peak_cd_m2
+from entoptic.pipeline.frame import Display, Encoding
 
 Primaries = tuple[tuple[float, float], tuple[float, float], tuple[float, float]]
 """xy of red, green and blue."""

@@ -19,10 +19,10 @@ import numpy as np
 from jaxtyping import Array, Float, UInt32
 from numpy.typing import NDArray
 
-from pipeline.frame import LUMINANCE_WEIGHTS, FrameError
-from pipeline.measure import luminance
-from pipeline.mesopic import SCOTOPIC_WEIGHTS, WHITE_RATIO, scotopic_luminance
-from pipeline.ranges import Change, Range
+from entoptic.pipeline.frame import LUMINANCE_WEIGHTS, FrameError
+from entoptic.pipeline.measure import luminance
+from entoptic.pipeline.mesopic import SCOTOPIC_WEIGHTS, WHITE_RATIO, scotopic_luminance
+from entoptic.pipeline.ranges import Change, Range
 
 ISOMERISATIONS = 8.6
 """Photons that a rod catches, per scotopic troland second (Breton et al. 1994)."""

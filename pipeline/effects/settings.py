@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import msgspec
 
-from pipeline.effects.acuity import Acuity
-from pipeline.effects.adaptation import Adaptation
-from pipeline.effects.afterimage import Afterimage
-from pipeline.effects.glare import Glare
-from pipeline.effects.night_colour import NightColour
-from pipeline.effects.rod_noise import RodNoise
-from pipeline.effects.tone import Tone
+from entoptic.pipeline.effects.acuity import Acuity
+from entoptic.pipeline.effects.adaptation import Adaptation
+from entoptic.pipeline.effects.afterimage import Afterimage
+from entoptic.pipeline.effects.glare import Glare
+from entoptic.pipeline.effects.night_colour import NightColour
+from entoptic.pipeline.effects.rod_noise import RodNoise
+from entoptic.pipeline.effects.tone import Tone
 
 
 class Effects(msgspec.Struct, frozen=True, forbid_unknown_fields=True):

@@ -17,6 +17,8 @@ whole.py          the whole function of one eye, from its peak to 90°
 
 from __future__ import annotations
 
+from entoptic.errors import EntopticError
 
-class OpticsError(Exception):
+
+class OpticsError(EntopticError):
     """A quantity that the optics cannot represent: the message names it and the remedy."""

@@ -29,8 +29,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy import special
 
-from pipeline.observer import Iris
-from pipeline.optics import radial
+from entoptic.pipeline.observer import Iris
+from entoptic.pipeline.optics import radial
 
 PHOTOPIC, MESOPIC, SCOTOPIC = (
     np.array([0.384, 0.478, 0.138, 0.0]),

@@ -16,8 +16,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Complex, Float
 
-from pipeline.observer import Observer
-from pipeline.optics import OpticsError, cornea, coverage, lens, lids, vitreous
+from entoptic.pipeline.observer import Observer
+from entoptic.pipeline.optics import OpticsError, cornea, coverage, lens, lids, vitreous
 
 PLANE_M = coverage.PLANE_M
 """Side of the pupil plane: the widest pupil."""

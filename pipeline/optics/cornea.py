@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from jaxtyping import Float
 
-from pipeline.observer import Observer
-from pipeline.optics import coverage
+from entoptic.pipeline.observer import Observer
+from entoptic.pipeline.optics import coverage
 
 CELL_M = 15e-6
 """Diameter of a flat cell (RIT §3.1)."""

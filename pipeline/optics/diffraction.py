@@ -15,8 +15,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Complex, Float
 
-from pipeline.optics import OpticsError
-from pipeline.optics.aperture import PLANE_M
+from entoptic.pipeline.optics import OpticsError
+from entoptic.pipeline.optics.aperture import PLANE_M
 
 WAVELENGTH_NM = 575.0
 """The wavelength that is computed; all others are scaled from it (LUI §5.2.2)."""

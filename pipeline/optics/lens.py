@@ -12,8 +12,8 @@ from jaxtyping import Float
 from scipy.ndimage import map_coordinates
 from scipy.special import j0, j1, ndtr
 
-from pipeline.observer import Observer
-from pipeline.optics import OpticsError, coverage, lens_springs
+from entoptic.pipeline.observer import Observer
+from entoptic.pipeline.optics import OpticsError, coverage, lens_springs
 
 RADIUS_M = coverage.PLANE_M / 2
 """How far out particles and fibres lie: all that the widest pupil shows."""

@@ -18,8 +18,8 @@ import math
 import numpy as np
 from jaxtyping import Complex, Float
 
-from pipeline.optics.damped import free_motion
-from pipeline.optics.microfluctuations import Tones
+from entoptic.pipeline.optics.damped import free_motion
+from entoptic.pipeline.optics.microfluctuations import Tones
 
 NODES = 17
 """In each direction (RIT §3.3)."""

@@ -15,8 +15,8 @@ import math
 import numpy as np
 from jaxtyping import Float
 
-from pipeline.observer import Observer
-from pipeline.optics import coverage
+from entoptic.pipeline.observer import Observer
+from entoptic.pipeline.optics import coverage
 
 FISSURE_M = 10e-3
 """Height of the open lids' gap (9–11 mm in healthy adults)."""

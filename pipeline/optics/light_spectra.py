@@ -18,7 +18,7 @@ import numpy as np
 from jaxtyping import Float
 from numpy.typing import NDArray
 
-from pipeline.optics import OpticsError
+from entoptic.pipeline.optics import OpticsError
 
 RANGE_NM = (380.0, 770.0)
 """KRI §4.3, RIT §4."""

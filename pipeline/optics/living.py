@@ -19,13 +19,13 @@ import dataclasses
 import math
 from collections.abc import Sequence
 
-from pipeline.observer import Observer
-from pipeline.optics import lens_springs, microfluctuations, vitreous_motion
-from pipeline.optics.aperture import Pose, legal_pupil_mm
-from pipeline.optics.lens_springs import LensState
-from pipeline.optics.lids import clear_of
-from pipeline.optics.value_noise import value_noise
-from pipeline.optics.vitreous_motion import Kick, VitreousState
+from entoptic.pipeline.observer import Observer
+from entoptic.pipeline.optics import lens_springs, microfluctuations, vitreous_motion
+from entoptic.pipeline.optics.aperture import Pose, legal_pupil_mm
+from entoptic.pipeline.optics.lens_springs import LensState
+from entoptic.pipeline.optics.lids import clear_of
+from entoptic.pipeline.optics.value_noise import value_noise
+from entoptic.pipeline.optics.vitreous_motion import Kick, VitreousState
 
 __all__ = ["Kick", "LivingState", "at_rest", "hippus_mm", "pose_of", "step"]
 

@@ -21,8 +21,8 @@ import scipy.sparse
 from jaxtyping import Array, Complex, Float
 from numpy.typing import NDArray
 
-from pipeline.optics.diffraction import bin_deg, point_spread
-from pipeline.optics.light_spectra import RANGE_NM
+from entoptic.pipeline.optics.diffraction import bin_deg, point_spread
+from entoptic.pipeline.optics.light_spectra import RANGE_NM
 
 ROWS = 32
 """Of a kernel that are made at once. Engineering choice: 4 MB for 32 wavelengths and a function of 1024² samples."""

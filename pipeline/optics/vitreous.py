@@ -11,9 +11,9 @@ import math
 import numpy as np
 from jaxtyping import Float
 
-from pipeline.observer import Observer
-from pipeline.optics import coverage
-from pipeline.optics.lens import diameters_m
+from entoptic.pipeline.observer import Observer
+from entoptic.pipeline.optics import coverage
+from entoptic.pipeline.optics.lens import diameters_m
 
 RADIUS_M = 8.4e-3
 """Of the sphere: half the way from the lens' back, 7.2 mm behind the cornea, to the retina at 24 mm (Gullstrand)."""

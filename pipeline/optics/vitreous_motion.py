@@ -15,8 +15,8 @@ from collections.abc import Sequence
 import numpy as np
 from jaxtyping import Float
 
-from pipeline.optics import OpticsError
-from pipeline.optics.damped import free_motion
+from entoptic.pipeline.optics import OpticsError
+from entoptic.pipeline.optics.damped import free_motion
 
 LAG_SHARE = 0.5
 """How much of an eye's turn the vitreous lags behind at its end. Engineering choice: the gel is held by the wall that

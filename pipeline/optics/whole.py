@@ -20,8 +20,8 @@ import numpy as np
 from jaxtyping import Array, Complex, Float
 from numpy.typing import NDArray
 
-from pipeline.optics import analytic, radial, spectrum
-from pipeline.optics.diffraction import bin_deg
+from entoptic.pipeline.optics import analytic, radial, spectrum
+from entoptic.pipeline.optics.diffraction import bin_deg
 
 FIELD_TAPER = (0.88, 1.0)
 """Shares of the field's radius between which the core gives way. Engineering choice: beyond the halo (0.81, its outer

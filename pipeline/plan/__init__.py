@@ -7,10 +7,10 @@ make.py      what is left out
 reasons.py   why, in words
 """
 
-from pipeline.plan.chain import Eye
-from pipeline.plan.make import Planned, Scenery, make_plan
-from pipeline.plan.settings import LEAVABLE, Planning
-from pipeline.plan.steps import OFF, SKIPPED, Effect, Plan, Step
+from entoptic.pipeline.plan.chain import Eye
+from entoptic.pipeline.plan.make import Planned, Scenery, make_plan
+from entoptic.pipeline.plan.settings import LEAVABLE, Planning
+from entoptic.pipeline.plan.steps import OFF, SKIPPED, Effect, Plan, Step
 
 __all__ = [
     "LEAVABLE",

@@ -13,17 +13,17 @@ from collections.abc import Callable, Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.effects import acuity, afterimage, rod_noise, tone
-from pipeline.effects.adaptation import Adapted
-from pipeline.effects.afterimage import Retina
-from pipeline.effects.glare import GlareLevel, Mixture, changes
-from pipeline.effects.glare.kernel import least_stays
-from pipeline.effects.night_colour import bounds as night_colour
-from pipeline.effects.settings import Effects
-from pipeline.frame import Display
-from pipeline.measure import Measurement, averaged
-from pipeline.plan.steps import SKIPPED, Effect
-from pipeline.ranges import Change, Range
+from entoptic.pipeline.effects import acuity, afterimage, rod_noise, tone
+from entoptic.pipeline.effects.adaptation import Adapted
+from entoptic.pipeline.effects.afterimage import Retina
+from entoptic.pipeline.effects.glare import GlareLevel, Mixture, changes
+from entoptic.pipeline.effects.glare.kernel import least_stays
+from entoptic.pipeline.effects.night_colour import bounds as night_colour
+from entoptic.pipeline.effects.settings import Effects
+from entoptic.pipeline.frame import Display
+from entoptic.pipeline.measure import Measurement, averaged
+from entoptic.pipeline.plan.steps import SKIPPED, Effect
+from entoptic.pipeline.ranges import Change, Range
 
 FULL = "full"
 """An effect at the level asked for."""

@@ -10,14 +10,14 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.budget import SHIPPED, Choice, CostModel, Option, settle
-from pipeline.effects.glare import GlareLevel
-from pipeline.effects.settings import Effects
-from pipeline.frame import Display
-from pipeline.plan.chain import FULL, Chain, Eye, Weights
-from pipeline.plan.reasons import Lesser, reason_of
-from pipeline.plan.settings import Planning
-from pipeline.plan.steps import OFF, SKIPPED, Effect, Plan, Step
+from entoptic.pipeline.budget import SHIPPED, Choice, CostModel, Option, settle
+from entoptic.pipeline.effects.glare import GlareLevel
+from entoptic.pipeline.effects.settings import Effects
+from entoptic.pipeline.frame import Display
+from entoptic.pipeline.plan.chain import FULL, Chain, Eye, Weights
+from entoptic.pipeline.plan.reasons import Lesser, reason_of
+from entoptic.pipeline.plan.settings import Planning
+from entoptic.pipeline.plan.steps import OFF, SKIPPED, Effect, Plan, Step
 
 RESERVE_SHARE = 0.13
 """Of a budget that is not planned with. Engineering choice: 95 % of frames take at most 1.15 times the median."""

@@ -7,13 +7,13 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from pipeline.effects import acuity
-from pipeline.effects.night_colour import share as night_colour
-from pipeline.effects.settings import Effects
-from pipeline.measure import MAX_SOURCES, Measurement
-from pipeline.plan.chain import Chain, Eye
-from pipeline.plan.settings import Planning
-from pipeline.plan.steps import SKIPPED, Effect
+from entoptic.pipeline.effects import acuity
+from entoptic.pipeline.effects.night_colour import share as night_colour
+from entoptic.pipeline.effects.settings import Effects
+from entoptic.pipeline.measure import MAX_SOURCES, Measurement
+from entoptic.pipeline.plan.chain import Chain, Eye
+from entoptic.pipeline.plan.settings import Planning
+from entoptic.pipeline.plan.steps import SKIPPED, Effect
 
 
 @dataclasses.dataclass(frozen=True, eq=False)

@@ -6,7 +6,7 @@ from typing import Annotated
 
 import msgspec
 
-from pipeline.plan.steps import Effect
+from entoptic.pipeline.plan.steps import Effect
 
 LEAVABLE = (Effect.GLARE, Effect.ACUITY, Effect.ROD_NOISE, Effect.NIGHT_COLOUR, Effect.AFTERIMAGE)
 """The effects that a picture can do without."""

@@ -16,12 +16,12 @@ from __future__ import annotations
 import math
 from pathlib import Path
 
-from pipeline.frame import FrameError
-from pipeline.scenes import image_file
-from pipeline.scenes.images import open_pictures
-from pipeline.scenes.night_street import NightStreet
-from pipeline.scenes.panorama import Panorama
-from pipeline.scenes.scene import Head, Scene
+from entoptic.pipeline.frame import FrameError
+from entoptic.pipeline.scenes import image_file
+from entoptic.pipeline.scenes.images import open_pictures
+from entoptic.pipeline.scenes.night_street import NightStreet
+from entoptic.pipeline.scenes.panorama import Panorama
+from entoptic.pipeline.scenes.scene import Head, Scene
 
 __all__ = ["NIGHT_STREET", "Head", "Scene", "open_scene"]
 

@@ -13,8 +13,8 @@ import math
 from pathlib import Path
 from typing import Protocol
 
-from pipeline.frame import FrameError
-from pipeline.scenes.scene import Head
+from entoptic.pipeline.frame import FrameError
+from entoptic.pipeline.scenes.scene import Head
 
 HEAD_TIME_CONSTANT_S = 0.3
 """How fast the head comes after the eyes: a turn of the head to a new target takes about a second, three of these

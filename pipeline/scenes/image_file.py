@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 import OpenImageIO as oiio
 
-from pipeline.frame import LUMINANCE_WEIGHTS, Cleaned, FrameError, clean
+from entoptic.pipeline.frame import LUMINANCE_WEIGHTS, Cleaned, FrameError, clean
 
 SUFFIXES = (".exr", ".hdr")
 DEFAULT_MEAN_CD_M2 = 100.0

@@ -12,11 +12,11 @@ from pathlib import Path
 import jax.numpy as jnp
 import numpy as np
 
-from pipeline.frame import Frame, FrameError, View
-from pipeline.scenes import image_file
-from pipeline.scenes.resample import resize
-from pipeline.scenes.scene import Head, count_eyes
-from tracker_bridge.wire import Eye
+from entoptic.pipeline.frame import Frame, FrameError, View
+from entoptic.pipeline.scenes import image_file
+from entoptic.pipeline.scenes.resample import resize
+from entoptic.pipeline.scenes.scene import Head, count_eyes
+from entoptic.tracker_bridge.wire import Eye
 
 FPS = 24.0
 """Pictures of a folder follow each other at the rate of cinema; after the last comes the first again."""

@@ -15,10 +15,10 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from pipeline.frame import Frame, View
-from pipeline.scenes.discs import add_discs
-from pipeline.scenes.scene import Head, count_eyes, headset_view, rays, rotation
-from pipeline.scenes.street_surfaces import (
+from entoptic.pipeline.frame import Frame, View
+from entoptic.pipeline.scenes.discs import add_discs
+from entoptic.pipeline.scenes.scene import Head, count_eyes, headset_view, rays, rotation
+from entoptic.pipeline.scenes.street_surfaces import (
     EYE_HEIGHT_M,
     LAMP_RGB,
     LAMPS_M,
@@ -29,7 +29,7 @@ from pipeline.scenes.street_surfaces import (
     sky_share,
     surfaces,
 )
-from tracker_bridge.wire import Eye
+from entoptic.tracker_bridge.wire import Eye
 
 PUPIL_DISTANCE_M = 0.063
 RED, GREEN = (4.7021, 0.0, 0.0), (0.0160, 1.3701, 0.2326)

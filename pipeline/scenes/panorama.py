@@ -21,11 +21,11 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
-from pipeline.frame import LUMINANCE_WEIGHTS, Cleaned, Frame, View
-from pipeline.scenes.image_file import HdrFile, band_solid_angles
-from pipeline.scenes.resample import area_mean
-from pipeline.scenes.scene import Head, count_eyes, headset_view, rays, rotation
-from tracker_bridge.wire import Eye
+from entoptic.pipeline.frame import LUMINANCE_WEIGHTS, Cleaned, Frame, View
+from entoptic.pipeline.scenes.image_file import HdrFile, band_solid_angles
+from entoptic.pipeline.scenes.resample import area_mean
+from entoptic.pipeline.scenes.scene import Head, count_eyes, headset_view, rays, rotation
+from entoptic.tracker_bridge.wire import Eye
 
 WIDEST_ROW_COSINE = 0.84
 """Rows nearer to the equator than this cosine of latitude (33°) keep all their texels, which leaves the part that is

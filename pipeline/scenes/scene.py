@@ -15,8 +15,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from pipeline.frame import Frame, FrameError, View
-from tracker_bridge.wire import Eye
+from entoptic.pipeline.frame import Frame, FrameError, View
+from entoptic.tracker_bridge.wire import Eye
 
 DEFAULT_WIDTH_PX, DEFAULT_HEIGHT_PX = 720, 800
 """A view for scenes without pixels of their own: half the head-mounted display of LUI §5.3.2 (1440×1600 an eye), since

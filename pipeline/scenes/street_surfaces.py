@@ -14,7 +14,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, UInt32
 
-from pipeline.frame import View
+from entoptic.pipeline.frame import View
 
 EYE_HEIGHT_M = 1.5
 ROAD_M, PAVEMENT_M = 4.0, 8.0

@@ -7,8 +7,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, UInt16
 
-from pipeline.effects.encode import PQ_CODES, PQ_PEAK_CD_M2, REC2020, WHITE
-from pipeline.frame import Display
+from entoptic.pipeline.effects.encode import PQ_CODES, PQ_PEAK_CD_M2, REC2020, WHITE
+from entoptic.pipeline.frame import Display
 
 WEIGHTS = (0.2627, 0.6780, 0.0593)
 """Luma of red, green and blue (BT.2020, non-constant luminance)."""

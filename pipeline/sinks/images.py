@@ -8,9 +8,9 @@ import numpy as np
 import OpenImageIO as oiio
 from jaxtyping import Float, UInt8, UInt16
 
-from pipeline.effects.encode import PQ_CODES
-from pipeline.frame import Display, Encoding, FrameError
-from pipeline.sinks.whole_file import WholeFile
+from entoptic.pipeline.effects.encode import PQ_CODES
+from entoptic.pipeline.frame import Display, Encoding, FrameError
+from entoptic.pipeline.sinks.whole_file import WholeFile
 
 P3_CICP, PQ_CICP = (12, 13, 0, 1), (9, 16, 0, 1)
 """Primaries, transfer function, no matrix, full range (ITU-T H.273), as PNG's cICP chunk says them."""

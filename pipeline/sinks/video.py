@@ -19,9 +19,9 @@ from av.video.reformatter import ColorRange, Colorspace
 from av.video.stream import VideoStream
 from jaxtyping import UInt8, UInt16
 
-from pipeline.frame import Display, Encoding, FrameError
-from pipeline.sinks import hdr10
-from pipeline.sinks.whole_file import WholeFile
+from entoptic.pipeline.frame import Display, Encoding, FrameError
+from entoptic.pipeline.sinks import hdr10
+from entoptic.pipeline.sinks.whole_file import WholeFile
 
 CRF = "16"
 """x264's constant rate factor. Engineering choice: it is taken for visually lossless from 17–18 down; one or two finer,

@@ -17,9 +17,9 @@ from av.container import InputContainer, OutputContainer
 from av.video.stream import VideoStream
 from jaxtyping import UInt8, UInt16
 
-from pipeline.frame import Display, FrameError
-from pipeline.sinks.video import Encoder
-from pipeline.sinks.whole_file import WholeFile
+from entoptic.pipeline.frame import Display, FrameError
+from entoptic.pipeline.sinks.video import Encoder
+from entoptic.pipeline.sinks.whole_file import WholeFile
 
 _BEGINS = "begins at "
 """What a part says of itself, and then at how many seconds, as a fraction; a film of parts what its first one said."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 from pathlib import Path
 
-from pipeline.frame import FrameError
+from entoptic.pipeline.frame import FrameError
 
 
 class WholeFile:

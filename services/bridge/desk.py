@@ -12,12 +12,12 @@ from typing import Any
 
 import structlog
 
-from services.bridge.pupil_calibration import PupilCalibration
-from services.bridge.scene_light import SceneLight
-from services.bridge.take import BridgeTake
-from services.bridge.tracker_tasks import told
-from services.control import Reply
-from services.live.requests import (
+from entoptic.services.bridge.pupil_calibration import PupilCalibration
+from entoptic.services.bridge.scene_light import SceneLight
+from entoptic.services.bridge.take import BridgeTake
+from entoptic.services.bridge.tracker_tasks import told
+from entoptic.services.control import Reply
+from entoptic.services.live.requests import (
     BeginTake,
     BridgeRequest,
     CalibratePupils,
@@ -25,12 +25,12 @@ from services.live.requests import (
     GiveStatus,
     StopCalibratingPupils,
 )
-from tracker_bridge.chain import Chain
-from tracker_bridge.events import Event, SourceBack, SourceSilent
-from tracker_bridge.publisher import Publisher
-from tracker_bridge.samples import EyeState
-from tracker_bridge.source import Item, Source, SourceError, Tick
-from tracker_bridge.sources.simulated_endless import EndlessEyes
+from entoptic.tracker_bridge.chain import Chain
+from entoptic.tracker_bridge.events import Event, SourceBack, SourceSilent
+from entoptic.tracker_bridge.publisher import Publisher
+from entoptic.tracker_bridge.samples import EyeState
+from entoptic.tracker_bridge.source import Item, Source, SourceError, Tick
+from entoptic.tracker_bridge.sources.simulated_endless import EndlessEyes
 
 RATE_S = 2.0
 """The rate of states is that of so long."""

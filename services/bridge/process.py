@@ -10,25 +10,25 @@ from pathlib import Path
 import msgspec
 import structlog
 
-from services.bridge.desk import BridgeDesk
-from services.bridge.pupil_calibration import PupilCalibration
-from services.bridge.scene_light import SceneLight
-from services.bridge.tables import Tables
-from services.control import Control
-from services.eye_data import ROOM_CD_M2
-from services.live.requests import BridgeRequest
-from services.process import Stop
-from tracker_bridge import bridge
-from tracker_bridge.access import ClientKeys, ServerKeys
-from tracker_bridge.chain import Chain, Lane
-from tracker_bridge.events import ClockEstimated, Event, Heartbeat, SaccadeOffset, SaccadeOnset
-from tracker_bridge.publisher import LINGER_MS, LIVE_LINGER_MS, Publisher
-from tracker_bridge.pupil_map import PupilMap
-from tracker_bridge.samples import NS_PER_S, EyeState, GazeSample, PupilSample
-from tracker_bridge.source import Item, Source, SourceError, SourceInfo
-from tracker_bridge.sources.played import Played
-from tracker_bridge.sources.pupil_recorder import PupilRecorder
-from tracker_bridge.sources.simulated_endless import EndlessEyes
+from entoptic.services.bridge.desk import BridgeDesk
+from entoptic.services.bridge.pupil_calibration import PupilCalibration
+from entoptic.services.bridge.scene_light import SceneLight
+from entoptic.services.bridge.tables import Tables
+from entoptic.services.control import Control
+from entoptic.services.eye_data import ROOM_CD_M2
+from entoptic.services.live.requests import BridgeRequest
+from entoptic.services.process import Stop
+from entoptic.tracker_bridge import bridge
+from entoptic.tracker_bridge.access import ClientKeys, ServerKeys
+from entoptic.tracker_bridge.chain import Chain, Lane
+from entoptic.tracker_bridge.events import ClockEstimated, Event, Heartbeat, SaccadeOffset, SaccadeOnset
+from entoptic.tracker_bridge.publisher import LINGER_MS, LIVE_LINGER_MS, Publisher
+from entoptic.tracker_bridge.pupil_map import PupilMap
+from entoptic.tracker_bridge.samples import NS_PER_S, EyeState, GazeSample, PupilSample
+from entoptic.tracker_bridge.source import Item, Source, SourceError, SourceInfo
+from entoptic.tracker_bridge.sources.played import Played
+from entoptic.tracker_bridge.sources.pupil_recorder import PupilRecorder
+from entoptic.tracker_bridge.sources.simulated_endless import EndlessEyes
 
 LIGHT_WITHIN_MS = 500
 """So long a bridge that is started anew waits for the worker's next frame."""

@@ -17,19 +17,19 @@ from typing import Any, Final
 import msgspec
 import zmq
 
-from services.bridge.pupil_outcome import Concluding, Job, Named, Outcome
-from services.calibration import run as calibrate
-from services.calibration.display import SocketDisplay
-from services.calibration.result import refuse_unwritable
-from services.calibration.run import CalibrationRun, Lit, Room
-from services.control import Reply
-from services.live.requests import CalibratePupils
-from tracker_bridge.access import ServerKeys
-from tracker_bridge.calibration import CalibrationError, Stage
-from tracker_bridge.calibration_quality import REMEDIES, Failure
-from tracker_bridge.pupil_map import PupilMap, PupilMapError
-from tracker_bridge.samples import NS_PER_S
-from tracker_bridge.source import Item
+from entoptic.services.bridge.pupil_outcome import Concluding, Job, Named, Outcome
+from entoptic.services.calibration import run as calibrate
+from entoptic.services.calibration.display import SocketDisplay
+from entoptic.services.calibration.result import refuse_unwritable
+from entoptic.services.calibration.run import CalibrationRun, Lit, Room
+from entoptic.services.control import Reply
+from entoptic.services.live.requests import CalibratePupils
+from entoptic.tracker_bridge.access import ServerKeys
+from entoptic.tracker_bridge.calibration import CalibrationError, Stage
+from entoptic.tracker_bridge.calibration_quality import REMEDIES, Failure
+from entoptic.tracker_bridge.pupil_map import PupilMap, PupilMapError
+from entoptic.tracker_bridge.samples import NS_PER_S
+from entoptic.tracker_bridge.source import Item
 
 WORKING_OUT: Final = "working it out"
 """The stage after the screens."""

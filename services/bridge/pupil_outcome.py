@@ -13,9 +13,9 @@ from pathlib import Path
 
 import msgspec
 
-from services.calibration.result import EyeFigures, figures, judge, pupil_map_of, write, write_failed_plot
-from services.calibration.run import Recorded
-from tracker_bridge.pupil_map import PupilMap, PupilMapError
+from entoptic.services.calibration.result import EyeFigures, figures, judge, pupil_map_of, write, write_failed_plot
+from entoptic.services.calibration.run import Recorded
+from entoptic.tracker_bridge.pupil_map import PupilMap, PupilMapError
 
 _UNFINISHED = "not worked out"
 _WITHIN_S = 60.0
@@ -109,7 +109,7 @@ class Concluding:
                 if self._ended:
                     return
                 # -P: no module of the folder that the bridge happens to run in.
-                command = [sys.executable, "-P", "-m", "services.bridge.pupil_outcome"]
+                command = [sys.executable, "-P", "-m", "entoptic.services.bridge.pupil_outcome"]
                 pipe = subprocess.PIPE
                 self._process = subprocess.Popen(command, stdin=pipe, stdout=pipe, stderr=pipe)
             try:

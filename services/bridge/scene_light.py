@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import zmq
 
-from services.live.messages import SHOWN, MessageError, Shown, decode
-from tracker_bridge.access import ClientKeys
-from tracker_bridge.publisher import KEEPALIVE
-from tracker_bridge.source import SourceError
+from entoptic.services.live.messages import SHOWN, MessageError, Shown, decode
+from entoptic.tracker_bridge.access import ClientKeys
+from entoptic.tracker_bridge.publisher import KEEPALIVE
+from entoptic.tracker_bridge.source import SourceError
 
 QUEUE = 2
 """Frames that wait; those that find it full are lost, and a tenth of a second later the light is right again."""

@@ -11,9 +11,9 @@ from pathlib import Path
 
 import msgspec
 
-from services.results.appended import Appended, row, whole_rows
-from tracker_bridge.events import Event, SaccadeOffset, SaccadeOnset, StreamStarted
-from tracker_bridge.samples import NS_PER_S, Eye, EyeState
+from entoptic.services.results.appended import Appended, row, whole_rows
+from entoptic.tracker_bridge.events import Event, SaccadeOffset, SaccadeOnset, StreamStarted
+from entoptic.tracker_bridge.samples import NS_PER_S, Eye, EyeState
 
 STATES, EVENTS = "states.csv", "events.csv"
 STATE_COLUMNS = (

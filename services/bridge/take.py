@@ -10,12 +10,12 @@ from pathlib import Path
 
 import msgspec
 
-from services.bridge.tables import STATES, Tables
-from services.results.whole import BRIDGE, write_json
-from tracker_bridge.events import Event
-from tracker_bridge.samples import NS_PER_S, EyeState, GazeSample, PupilSample
-from tracker_bridge.source import Item, Tick
-from tracker_bridge.sources.pupil_recorder import PupilRecorder
+from entoptic.services.bridge.tables import STATES, Tables
+from entoptic.services.results.whole import BRIDGE, write_json
+from entoptic.tracker_bridge.events import Event
+from entoptic.tracker_bridge.samples import NS_PER_S, EyeState, GazeSample, PupilSample
+from entoptic.tracker_bridge.source import Item, Tick
+from entoptic.tracker_bridge.sources.pupil_recorder import PupilRecorder
 
 GAP_S = 0.5
 """States that come no more often are told of as a gap: as long as a pupil may be gone before it counts as lost."""

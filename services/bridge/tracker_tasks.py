@@ -4,9 +4,15 @@ from __future__ import annotations
 
 from typing import Protocol, runtime_checkable
 
-from services.control import Reply
-from services.live.requests import StartCalibration, StartRecording, StopCalibration, StopRecording, TrackerRequest
-from tracker_bridge.source import SourceError
+from entoptic.services.control import Reply
+from entoptic.services.live.requests import (
+    StartCalibration,
+    StartRecording,
+    StopCalibration,
+    StopRecording,
+    TrackerRequest,
+)
+from entoptic.tracker_bridge.source import SourceError
 
 
 @runtime_checkable

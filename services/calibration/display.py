@@ -23,13 +23,13 @@ from typing import Protocol
 import msgspec
 import zmq
 
-from services.live.door import Door
-from tracker_bridge.access import ServerKeys, refuse_open
-from tracker_bridge.calibration import ShowScreen
-from tracker_bridge.clock import RoundTripClock
-from tracker_bridge.events import ClockEstimated
-from tracker_bridge.publisher import PortInUseError, bind
-from tracker_bridge.samples import NS_PER_S
+from entoptic.services.live.door import Door
+from entoptic.tracker_bridge.access import ServerKeys, refuse_open
+from entoptic.tracker_bridge.calibration import ShowScreen
+from entoptic.tracker_bridge.clock import RoundTripClock
+from entoptic.tracker_bridge.events import ClockEstimated
+from entoptic.tracker_bridge.publisher import PortInUseError, bind
+from entoptic.tracker_bridge.samples import NS_PER_S
 
 ASK_AT_FIRST_NS, ASK_LATER_NS = 20_000_000, NS_PER_S
 FIRST_ASKS = 16

@@ -13,9 +13,9 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
-from tracker_bridge.calibration import Screen, ShownScreen
-from tracker_bridge.calibration_quality import Analysis, EyeResult
-from tracker_bridge.samples import NS_PER_S, Eye
+from entoptic.tracker_bridge.calibration import Screen, ShownScreen
+from entoptic.tracker_bridge.calibration_quality import Analysis, EyeResult
+from entoptic.tracker_bridge.samples import NS_PER_S, Eye
 
 COLOURS = {Eye.RIGHT: "#c8553d", Eye.LEFT: "#2a6fbb"}
 SHADES = {Screen.WHITE: "#ffffff", Screen.BLACK: "#d4d4d4"}

@@ -13,12 +13,12 @@ from typing import Literal, cast
 
 import msgspec
 
-from services.calibration.run import Recorded
-from tracker_bridge import pupil_map
-from tracker_bridge.calibration import Screen, ShownScreen
-from tracker_bridge.calibration_quality import Analysis, EyeResult, Problem, analyse
-from tracker_bridge.pupil_map import LUI_MM, EyeMap, MappedWindow, PupilMap, PupilMapError, Use
-from tracker_bridge.samples import NS_PER_S, Eye
+from entoptic.services.calibration.run import Recorded
+from entoptic.tracker_bridge import pupil_map
+from entoptic.tracker_bridge.calibration import Screen, ShownScreen
+from entoptic.tracker_bridge.calibration_quality import Analysis, EyeResult, Problem, analyse
+from entoptic.tracker_bridge.pupil_map import LUI_MM, EyeMap, MappedWindow, PupilMap, PupilMapError, Use
+from entoptic.tracker_bridge.samples import NS_PER_S, Eye
 
 
 @dataclasses.dataclass(frozen=True)
@@ -170,7 +170,9 @@ def write_failed_plot(out: Path, attempt: Attempt, source: str) -> Path:
 
 def write_plot(path: Path, attempt: Attempt, title: str) -> None:
     """Writes the picture of an attempt. Raises PupilMapError."""
-    from services.calibration import plot as calibration_plot  # with Matplotlib, which takes a second to import
+    from entoptic.services.calibration import (
+        plot as calibration_plot,  # with Matplotlib, which takes a second to import
+    )
 
     partial = _partial(path)
     try:

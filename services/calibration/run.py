@@ -13,14 +13,14 @@ from typing import Protocol
 
 import msgspec
 
-from services.calibration.display import Display, Request, ScreenShown
-from tracker_bridge import calibration as protocols
-from tracker_bridge.calibration import SHOWN_WITHIN_NS, Calibration, Commands, Screen, ShownScreen, Stage
-from tracker_bridge.samples import Eye, GazeSample, PupilSample
-from tracker_bridge.source import Item, Source, SourceError
-from tracker_bridge.sources.played import Played
-from tracker_bridge.sources.simulated import SimulatedSettings
-from tracker_bridge.sources.simulated_live import SimulatedLiveEyes
+from entoptic.services.calibration.display import Display, Request, ScreenShown
+from entoptic.tracker_bridge import calibration as protocols
+from entoptic.tracker_bridge.calibration import SHOWN_WITHIN_NS, Calibration, Commands, Screen, ShownScreen, Stage
+from entoptic.tracker_bridge.samples import Eye, GazeSample, PupilSample
+from entoptic.tracker_bridge.source import Item, Source, SourceError
+from entoptic.tracker_bridge.sources.played import Played
+from entoptic.tracker_bridge.sources.simulated import SimulatedSettings
+from entoptic.tracker_bridge.sources.simulated_live import SimulatedLiveEyes
 
 GREY_SHARE = 0.2159
 """Luminance of sRGB's middle grey, #808080, of white's (IEC 61966-2-1)."""

@@ -13,6 +13,8 @@ faults.py     what may go wrong, on request
 
 from __future__ import annotations
 
+from entoptic.errors import EntopticError
 
-class CaptureError(Exception):
+
+class CaptureError(EntopticError):
     """The stand-in cannot do what it was asked to do: the message names the thing and the remedy."""

@@ -8,7 +8,7 @@ from typing import Any, Final
 import msgpack  # type: ignore[import-untyped]  # ships no types
 import zmq
 
-from tracker_bridge.sources.pupil_form import Map
+from entoptic.tracker_bridge.sources.pupil_form import Map
 
 NOTIFICATIONS: Final = b"notify."
 

@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Iterable
 
-from tracker_bridge.sources.pupil_form import Map
+from entoptic.tracker_bridge.sources.pupil_form import Map
 
 WINDOW_S = 0.2
 _SCALE = 0.45

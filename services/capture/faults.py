@@ -15,7 +15,7 @@ from typing import Final, NamedTuple
 import msgpack  # type: ignore[import-untyped]  # ships no types
 import msgspec
 
-from services.capture import CaptureError
+from entoptic.services.capture import CaptureError
 
 _EVERY: Final = 10
 """Engineering choice: often enough for a short test, rare enough that the rest still makes sense."""

@@ -14,12 +14,12 @@ from typing import Final, NamedTuple
 import msgpack  # type: ignore[import-untyped]  # ships no types
 import msgspec
 
-from services.capture.published import Publisher, recorded_gaze, recorded_pupil, retimed
-from tracker_bridge.samples import NS_PER_S
-from tracker_bridge.sources import SIMULATED, open_source, recording
-from tracker_bridge.sources.loaded import Sample
-from tracker_bridge.sources.pupil_form import Map
-from tracker_bridge.sources.simulated import SimulatedEyes, SimulatedSettings
+from entoptic.services.capture.published import Publisher, recorded_gaze, recorded_pupil, retimed
+from entoptic.tracker_bridge.samples import NS_PER_S
+from entoptic.tracker_bridge.sources import SIMULATED, open_source, recording
+from entoptic.tracker_bridge.sources.loaded import Sample
+from entoptic.tracker_bridge.sources.pupil_form import Map
+from entoptic.tracker_bridge.sources.simulated import SimulatedEyes, SimulatedSettings
 
 _CHUNK_S: Final = 60.0
 """Simulated eyes are drawn by the minute, each with a seed of its own. Engineering choice."""

@@ -11,10 +11,10 @@ from typing import Any, Final
 
 import msgpack  # type: ignore[import-untyped]  # ships no types
 
-from tracker_bridge.samples import Eye, GazeSample, PupilSample
-from tracker_bridge.sources.loaded import Sample
-from tracker_bridge.sources.pupil_datum import decode_pupil, pupil_sample
-from tracker_bridge.sources.pupil_form import Map, both_eyes, image_pair, is_writable, one_eye
+from entoptic.tracker_bridge.samples import Eye, GazeSample, PupilSample
+from entoptic.tracker_bridge.sources.loaded import Sample
+from entoptic.tracker_bridge.sources.pupil_datum import decode_pupil, pupil_sample
+from entoptic.tracker_bridge.sources.pupil_form import Map, both_eyes, image_pair, is_writable, one_eye
 
 _METHODS: Final = {"2d": "2d c++", "3d": "pye3d 0.3.2 real-time"}
 _SURE: Final = 0.6

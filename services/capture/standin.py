@@ -18,17 +18,17 @@ import numpy as np
 import structlog
 import zmq
 
-from services.capture import CaptureError
-from services.capture.backbone import Backbone, frames_of, notification, waiting
-from services.capture.blinks import BlinkFilter
-from services.capture.clock import CaptureClock
-from services.capture.faults import Fault, Faults, PlannedFault
-from services.capture.playback import Ahead, Playback
-from services.capture.published import retimed
-from services.capture.remote import VERSION, RemoteKilledError, answer
-from services.capture.tasks import FIT_S, Calibration, Recording, command
-from tracker_bridge.sources.pupil_form import Map
-from tracker_bridge.sources.pupil_recorder import RecordingError
+from entoptic.services.capture import CaptureError
+from entoptic.services.capture.backbone import Backbone, frames_of, notification, waiting
+from entoptic.services.capture.blinks import BlinkFilter
+from entoptic.services.capture.clock import CaptureClock
+from entoptic.services.capture.faults import Fault, Faults, PlannedFault
+from entoptic.services.capture.playback import Ahead, Playback
+from entoptic.services.capture.published import retimed
+from entoptic.services.capture.remote import VERSION, RemoteKilledError, answer
+from entoptic.services.capture.tasks import FIT_S, Calibration, Recording, command
+from entoptic.tracker_bridge.sources.pupil_form import Map
+from entoptic.tracker_bridge.sources.pupil_recorder import RecordingError
 
 _DETECTION_S: Final = 0.01
 """From an image to its pupil datum: exposure, transfer and detection at 200 Hz. Engineering choice."""

@@ -11,9 +11,9 @@ import re
 from pathlib import Path
 from typing import Any, Final
 
-from tracker_bridge.samples import Eye
-from tracker_bridge.sources.pupil_form import Map
-from tracker_bridge.sources.pupil_recorder import PupilRecorder, RecordingError
+from entoptic.tracker_bridge.samples import Eye
+from entoptic.tracker_bridge.sources.pupil_form import Map
+from entoptic.tracker_bridge.sources.pupil_recorder import PupilRecorder, RecordingError
 
 FIT_S: Final = 5.2
 """How long fitting took on a real HMD calibration; the world process does nothing else meanwhile."""

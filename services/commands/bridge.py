@@ -7,11 +7,11 @@ from typing import Annotated
 
 import typer
 
-from services.eye_data import open_eyes, open_live_eyes
-from services.options import BridgeKeysFolder, Child, Pace, Remote, Seconds, Seed, TableMap, UsbId
-from services.process import process
-from tracker_bridge.chain import Lane
-from tracker_bridge.sources.pupil_remote import DEFAULT_REMOTE
+from entoptic.services.eye_data import open_eyes, open_live_eyes
+from entoptic.services.options import BridgeKeysFolder, Child, Pace, Remote, Seconds, Seed, TableMap, UsbId
+from entoptic.services.process import process
+from entoptic.tracker_bridge.chain import Lane
+from entoptic.tracker_bridge.sources.pupil_remote import DEFAULT_REMOTE
 
 
 def bridge(
@@ -89,10 +89,10 @@ def bridge(
     child: Child = False,
 ) -> None:
     """Publish a person's eyes: states at sample rate on one socket, events on another."""
-    from services import keys as key_files
-    from services.bridge import process as bridges
-    from tracker_bridge import pupil_map as pupil_maps
-    from tracker_bridge.sources import TrackerSettings
+    from entoptic.services import keys as key_files
+    from entoptic.services.bridge import process as bridges
+    from entoptic.tracker_bridge import pupil_map as pupil_maps
+    from entoptic.tracker_bridge.sources import TrackerSettings
 
     _refuse_odd(live, begun_ns, screens, answers, sees, reader_keys)
     with process(child) as (stop, log):

@@ -15,17 +15,17 @@ from rich.markup import escape
 from rich.progress import BarColumn, Progress, TaskID, TextColumn, TimeRemainingColumn
 from rich.table import Table
 
-from services.eye_data import open_eyes
-from services.options import Remote, Seed, TableMap, UsbId
-from services.process import Stop
-from services.terminal import console
-from tracker_bridge.sources.pupil_remote import DEFAULT_REMOTE
+from entoptic.services.eye_data import open_eyes
+from entoptic.services.options import Remote, Seed, TableMap, UsbId
+from entoptic.services.process import Stop
+from entoptic.services.terminal import console
+from entoptic.tracker_bridge.sources.pupil_remote import DEFAULT_REMOTE
 
 if TYPE_CHECKING:
-    from services.calibration.result import Attempt
-    from services.calibration.run import CalibrationRun
-    from tracker_bridge.pupil_map import PupilMap
-    from tracker_bridge.source import Item
+    from entoptic.services.calibration.result import Attempt
+    from entoptic.services.calibration.run import CalibrationRun
+    from entoptic.tracker_bridge.pupil_map import PupilMap
+    from entoptic.tracker_bridge.source import Item
 
 
 class ProtocolName(enum.StrEnum):
@@ -91,14 +91,14 @@ def calibrate(
     ] = 0.05,
 ) -> None:
     """Find out how far a person's pupils close and open, before white and black screens."""
-    from services import keys as key_files
-    from services.calibration import result as results
-    from services.calibration import run as calibrates
-    from services.calibration.display import Display, NoDisplay, SocketDisplay
-    from tracker_bridge.calibration import CalibrationError
-    from tracker_bridge.source import Source
-    from tracker_bridge.sources import SIMULATED, TrackerSettings
-    from tracker_bridge.sources.simulated_live import SimulatedLiveEyes
+    from entoptic.services import keys as key_files
+    from entoptic.services.calibration import result as results
+    from entoptic.services.calibration import run as calibrates
+    from entoptic.services.calibration.display import Display, NoDisplay, SocketDisplay
+    from entoptic.tracker_bridge.calibration import CalibrationError
+    from entoptic.tracker_bridge.source import Source
+    from entoptic.tracker_bridge.sources import SIMULATED, TrackerSettings
+    from entoptic.tracker_bridge.sources.simulated_live import SimulatedLiveEyes
 
     # All input is looked at before anybody has to look at anything.
     chosen = calibrates.protocol_of(protocol.value, white_seconds, black_seconds)
@@ -132,7 +132,7 @@ def calibrate(
             screens = SocketDisplay(commands, answers, name, keys=server_keys)
             stack.callback(screens.close)
             if display is DisplayKind.BROWSER:
-                from services.calibration.page import LOOPBACK, PageServer
+                from entoptic.services.calibration.page import LOOPBACK, PageServer
 
                 server = PageServer(screens.commands_address, screens.answers_address, host, port)
                 stack.callback(server.close)
@@ -189,9 +189,9 @@ def calibrate(
 
 
 def _show_progress(progress: Progress, bar: TaskID, run: CalibrationRun, item: Item, now_ns: int) -> None:
-    from tracker_bridge.calibration import Stage
-    from tracker_bridge.events import SourceSilent
-    from tracker_bridge.source import Tick
+    from entoptic.tracker_bridge.calibration import Stage
+    from entoptic.tracker_bridge.events import SourceSilent
+    from entoptic.tracker_bridge.source import Tick
 
     if isinstance(item, SourceSilent):
         console.print(f"[red]the tracker is silent:[/red] {escape(item.reason)}", soft_wrap=True)
@@ -202,8 +202,8 @@ def _show_progress(progress: Progress, bar: TaskID, run: CalibrationRun, item: I
 
 
 def _print_result(found: PupilMap, number: int, repeats: int) -> None:
-    from tracker_bridge.pupil_map import Use
-    from tracker_bridge.samples import Eye
+    from entoptic.tracker_bridge.pupil_map import Use
+    from entoptic.tracker_bridge.samples import Eye
 
     table = Table(title=f"run {number} of {repeats}" if repeats > 1 else None, title_justify="left")
     diameters = (f"{what} / {found.unit}" for what in ("white", "black", "span"))

@@ -7,8 +7,8 @@ from typing import Annotated
 
 import typer
 
-from services.options import Child, Seed, TableMap
-from services.process import process
+from entoptic.services.options import Child, Seed, TableMap
+from entoptic.services.process import process
 
 
 def capture(
@@ -40,11 +40,11 @@ def capture(
     """Stand in for Pupil Capture: its network API, with recorded or simulated eyes."""
     import msgspec
 
-    from services import simulated_light
-    from services.capture.faults import read_fault
-    from services.capture.playback import open_playback
-    from services.capture.standin import StandIn, StandInSettings
-    from tracker_bridge.sources.simulated import SimulatedSettings
+    from entoptic.services import simulated_light
+    from entoptic.services.capture.faults import read_fault
+    from entoptic.services.capture.playback import open_playback
+    from entoptic.services.capture.standin import StandIn, StandInSettings
+    from entoptic.tracker_bridge.sources.simulated import SimulatedSettings
 
     with process(child) as (stop, log):
         planned = tuple(read_fault(spec) for spec in fault or ())

@@ -7,9 +7,9 @@ from typing import Annotated
 
 import typer
 
-from services.options import ConsoleHost, ConsoleNames, ConsolePort, ConsoleToken
-from services.process import Stop, prepare_jax
-from services.terminal import console as terminal
+from entoptic.services.options import ConsoleHost, ConsoleNames, ConsolePort, ConsoleToken
+from entoptic.services.process import Stop, prepare_jax
+from entoptic.services.terminal import console as terminal
 
 
 def console(
@@ -24,7 +24,7 @@ def console(
     """Serve a page from which sessions are started, watched, calibrated and recorded, until Ctrl-C."""
     stop = Stop().on_signals()
     prepare_jax(renders=False)
-    from services.live import attended
-    from services.live.web import Web
+    from entoptic.services.live import attended
+    from entoptic.services.live.web import Web
 
     attended.idle(root, Web(host, port, token, observers, inputs, tuple(allow_host)), stop, terminal)

@@ -12,9 +12,9 @@ from typing import Annotated
 import typer
 from rich.markup import escape
 
-from services.options import Child, ConsoleNames, ConsoleToken
-from services.process import process
-from services.terminal import console as terminal
+from entoptic.services.options import Child, ConsoleNames, ConsoleToken
+from entoptic.services.process import process
+from entoptic.services.terminal import console as terminal
 
 NICE = 10
 """A session's frames come before its pages."""
@@ -57,10 +57,10 @@ def console_server(
         if hasattr(os, "nice"):
             with contextlib.suppress(OSError):
                 os.nice(NICE)
-        from services import keys as key_files
-        from services.console.access import ConsoleError, places, rules_for
-        from services.console.actions import Folders
-        from services.console.server import Console, Server
+        from entoptic.services import keys as key_files
+        from entoptic.services.console.access import ConsoleError, places, rules_for
+        from entoptic.services.console.actions import Folders
+        from entoptic.services.console.server import Console, Server
 
         bridge_keys = None if keys is None else key_files.load_client(keys)
         given = {

@@ -11,8 +11,8 @@ import typer
 from rich.markup import escape
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
-from services.process import cache_folder, prepare_jax
-from services.terminal import console
+from entoptic.services.process import cache_folder, prepare_jax
+from entoptic.services.terminal import console
 
 cost = typer.Typer(invoke_without_command=True)
 
@@ -47,10 +47,10 @@ def every_effect(
     if calibrate:
         _calibrate(quick, rounds)
         return
-    from pipeline.budget import device_name
-    from pipeline.cost import everything as measured
-    from services.cost import everything as results
-    from services.results.folder import results_folder
+    from entoptic.pipeline.budget import device_name
+    from entoptic.pipeline.cost import everything as measured
+    from entoptic.services.cost import everything as results
+    from entoptic.services.results.folder import results_folder
 
     effort = measured.QUICK if quick else measured.FULL
     count = effort.rounds if rounds is None else rounds
@@ -62,8 +62,8 @@ def every_effect(
 
 
 def _calibrate(quick: bool, asked: int | None) -> None:
-    from pipeline.budget import save
-    from pipeline.cost import calibration
+    from entoptic.pipeline.budget import save
+    from entoptic.pipeline.cost import calibration
 
     sizes = calibration.SIZES[-1:] if quick else calibration.SIZES
     rounds = asked or (1 if quick else calibration.ROUNDS)
@@ -90,9 +90,9 @@ def glare(
 ) -> None:
     """Measure error and time of glare at each of its settings. Takes ten minutes; let the machine rest meanwhile."""
     prepare_jax()
-    from pipeline.cost import glare as measured
-    from services.cost import glare as results
-    from services.results.folder import results_folder
+    from entoptic.pipeline.cost import glare as measured
+    from entoptic.services.cost import glare as results
+    from entoptic.services.results.folder import results_folder
 
     effort = measured.QUICK if quick else measured.FULL
     count = effort.rounds if rounds is None else rounds

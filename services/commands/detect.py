@@ -8,9 +8,9 @@ from typing import Annotated
 import typer
 from rich.markup import escape
 
-from services.eye_data import open_eyes
-from services.options import TableMap
-from services.terminal import console
+from entoptic.services.eye_data import open_eyes
+from entoptic.services.options import TableMap
+from entoptic.services.terminal import console
 
 
 def detect(
@@ -32,9 +32,9 @@ def detect(
     ] = None,
 ) -> None:
     """Find saccades, microsaccades and blinks in a recording, by the code that finds them live."""
-    from services import detect as detection
-    from services.event_scores import error_text
-    from tracker_bridge.source import SourceError
+    from entoptic.services import detect as detection
+    from entoptic.services.event_scores import error_text
+    from entoptic.tracker_bridge.source import SourceError
 
     labelled = None if labels is None else detection.read_labels(labels)
     source = open_eyes(recording, table_map, None, 0, None)

@@ -11,8 +11,8 @@ from msgspec.structs import replace
 from rich.markup import escape
 from rich.progress import Progress
 
-from services.commands.render import direction_of, light_of
-from services.options import (
+from entoptic.services.commands.render import direction_of, light_of
+from entoptic.services.options import (
     AdaptedTo,
     Age,
     BudgetMs,
@@ -25,8 +25,8 @@ from services.options import (
     SettingsFile,
     Width,
 )
-from services.process import cache_folder, prepare_jax
-from services.terminal import console
+from entoptic.services.process import cache_folder, prepare_jax
+from entoptic.services.terminal import console
 
 
 def explain(
@@ -59,11 +59,11 @@ def explain(
     Of a session, gaze, pupils and adaptation are those of its frame.
     """
     prepare_jax()
-    from pipeline import FrameError, Looking
-    from pipeline.budget import SHIPPED
-    from pipeline.budget import load as load_costs
-    from services.explain import page, subject, timeline, variants
-    from services.settings import load
+    from entoptic.pipeline import FrameError, Looking
+    from entoptic.pipeline.budget import SHIPPED
+    from entoptic.pipeline.budget import load as load_costs
+    from entoptic.services.explain import page, subject, timeline, variants
+    from entoptic.services.settings import load
 
     page.refuse_unwritable(output)
     session = subject.is_session(target)

@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 from rich.markup import escape
 
-from services.terminal import console
+from entoptic.services.terminal import console
 
 
 def keys(
@@ -19,7 +19,7 @@ def keys(
     ] = [],  # noqa: B006 - typer copies it
 ) -> None:
     """Make the keys of a bridge that listens beyond this machine, or of more readers of it."""
-    from services import keys as key_files
+    from entoptic.services import keys as key_files
 
     if client and all(key_files.has_client(out, name) for name in client):
         console.print(f"all of these keys are in [b]{escape(str(out))}[/b] already: nothing is made", soft_wrap=True)

@@ -8,9 +8,9 @@ from typing import Annotated
 import typer
 from rich.markup import escape
 
-from services.options import SettingsFile
-from services.process import prepare_jax
-from services.terminal import console
+from entoptic.services.options import SettingsFile
+from entoptic.services.process import prepare_jax
+from entoptic.services.terminal import console
 
 
 def psf(
@@ -67,10 +67,10 @@ def psf(
 ) -> None:
     """Show what one person's eye makes of a point of light: pictures, profiles, tables."""
     prepare_jax()
-    from pipeline.optics.aperture import Pose
-    from services.psf import observer_file, results
-    from services.psf.subject import Subject
-    from services.settings import load
+    from entoptic.pipeline.optics.aperture import Pose
+    from entoptic.services.psf import observer_file, results
+    from entoptic.services.psf.subject import Subject
+    from entoptic.services.settings import load
 
     changes = {
         "age_years": age,

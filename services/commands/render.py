@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import msgspec
 import typer
 
-from services.options import (
+from entoptic.services.options import (
     AdaptedTo,
     Age,
     BudgetMs,
@@ -23,11 +23,11 @@ from services.options import (
     Width,
     Without,
 )
-from services.process import prepare_jax
-from services.terminal import console
+from entoptic.services.process import prepare_jax
+from entoptic.services.terminal import console
 
 if TYPE_CHECKING:
-    from pipeline import Light
+    from entoptic.pipeline import Light
 
 
 def render(
@@ -62,10 +62,10 @@ def render(
 ) -> None:
     """Perceive one HDR image."""
     prepare_jax()
-    from pipeline import Glare, Looking
-    from services import render as renders
-    from services.explain.subject import from_image
-    from services.settings import load, planned
+    from entoptic.pipeline import Glare, Looking
+    from entoptic.services import render as renders
+    from entoptic.services.explain.subject import from_image
+    from entoptic.services.settings import load, planned
 
     loaded = planned(load(settings), budget_ms, everything, without)
     replace = msgspec.structs.replace
@@ -97,7 +97,7 @@ def render(
 
 def light_of(text: str) -> Light:
     """The light that `--light` names. Raises BadParameter."""
-    from pipeline import Light
+    from entoptic.pipeline import Light
 
     parts = text.split(",")
     given = [*parts, *["D65", "0"][max(len(parts) - 3, 0) :]]

@@ -8,8 +8,8 @@ from typing import Annotated
 import typer
 from rich.markup import escape
 
-from services.process import prepare_jax
-from services.terminal import console
+from entoptic.services.process import prepare_jax
+from entoptic.services.terminal import console
 
 
 def report(
@@ -17,7 +17,7 @@ def report(
 ) -> None:
     """Finish a session that was cut off, and draw its report; also that of a finished one anew."""
     prepare_jax(renders=False)
-    from services.live import status, takes
+    from entoptic.services.live import status, takes
 
     if (host := status.host_that_writes(folder)) is not None:
         raise takes.TakeError(f"{folder} is being recorded now, by process {host}: stop that first")

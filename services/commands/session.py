@@ -12,9 +12,9 @@ import msgspec
 import typer
 from rich.markup import escape
 
-from services.eye_data import SIMULATED_SECONDS
-from services.live.choice import DEFAULT_FPS, SessionChoice
-from services.options import (
+from entoptic.services.eye_data import SIMULATED_SECONDS
+from entoptic.services.live.choice import DEFAULT_FPS, SessionChoice
+from entoptic.services.options import (
     BudgetMs,
     ConsoleHost,
     ConsoleNames,
@@ -45,10 +45,10 @@ from services.options import (
     Width,
     Without,
 )
-from services.process import INTERRUPTED, Stop, prepare_jax
-from services.terminal import console
-from tracker_bridge.chain import Lane
-from tracker_bridge.sources.pupil_remote import DEFAULT_REMOTE
+from entoptic.services.process import INTERRUPTED, Stop, prepare_jax
+from entoptic.services.terminal import console
+from entoptic.tracker_bridge.chain import Lane
+from entoptic.tracker_bridge.sources.pupil_remote import DEFAULT_REMOTE
 
 
 def session(
@@ -93,21 +93,21 @@ def session(
     Without --live every frame of a recording is rendered, however long it takes; the same session gives the same
     frames. With --live all runs by the clock until Ctrl-C, or until the recording is over.
     """
-    from services.session.offline import SessionError
+    from entoptic.services.session.offline import SessionError
 
     stop = Stop().on_signals()
     final = out or Path("sessions") / f"{datetime.now():%Y-%m-%d_%H-%M-%S}"
     if again is not None:
-        from services.session import again as session_again
+        from entoptic.services.session import again as session_again
 
         with _told_if_stopped():
             session_again.run(again, final, save, stop, console)
         _say_where(final)
         return
     prepare_jax(renders=False)
-    from services.live.checked import check
-    from services.settings import load, planned
-    from tracker_bridge.sources import SIMULATED
+    from entoptic.services.live.checked import check
+    from entoptic.services.settings import load, planned
+    from entoptic.tracker_bridge.sources import SIMULATED
 
     if source == SIMULATED and seconds is None and not live:
         seconds = SIMULATED_SECONDS
@@ -146,12 +146,12 @@ def session(
         f"{view.width_px}×{view.height_px} px per eye"
     )
     if live:
-        from services.live import attended
-        from services.live.web import Web
+        from entoptic.services.live import attended
+        from entoptic.services.live.web import Web
 
         web = Web(host, port, token, names=tuple(allow_host)) if page else None
         raise typer.Exit(attended.session(checked, final, web, stop, console))
-    from services.session import offline as sessions
+    from entoptic.services.session import offline as sessions
 
     with _told_if_stopped():
         outcome = sessions.keep(checked, final, stop, console)
@@ -163,7 +163,7 @@ def session(
 
 @contextlib.contextmanager
 def _told_if_stopped() -> Iterator[None]:
-    from services.session.offline import StoppedError
+    from entoptic.services.session.offline import StoppedError
 
     try:
         yield

@@ -8,9 +8,9 @@ from typing import Annotated
 import typer
 from rich.markup import escape
 
-from services.eye_data import open_eyes
-from services.options import Seed
-from services.terminal import console
+from entoptic.services.eye_data import open_eyes
+from entoptic.services.options import Seed
+from entoptic.services.terminal import console
 
 
 def simulate(
@@ -20,8 +20,8 @@ def simulate(
     luminance: Annotated[str, typer.Option(help="Light before the eyes: cd/m², or a CSV file t_s,cd_m2.")] = "100",
 ) -> None:
     """Write a simulated recording with its truth: gaze, microsaccades, blinks, pupils."""
-    from tracker_bridge.sources.pupil_writer import write_recording
-    from tracker_bridge.sources.simulated import SimulatedEyes
+    from entoptic.tracker_bridge.sources.pupil_writer import write_recording
+    from entoptic.tracker_bridge.sources.simulated import SimulatedEyes
 
     source = open_eyes("simulated", None, seconds, seed, luminance)
     assert isinstance(source, SimulatedEyes)

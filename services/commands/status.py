@@ -10,11 +10,11 @@ import typer
 from rich.markup import escape
 from rich.table import Table
 
-from services.options import ClientKeysFolder
-from services.terminal import console
+from entoptic.services.options import ClientKeysFolder
+from entoptic.services.terminal import console
 
 if TYPE_CHECKING:
-    from services.live.status import Found
+    from entoptic.services.live.status import Found
 
 
 def status(
@@ -29,8 +29,8 @@ def status(
     keys: ClientKeysFolder = None,
 ) -> None:
     """Say how running sessions or processes are; exit status 0 if all is well, 1 if something is wrong."""
-    from services import keys as key_files
-    from services.live import status as statuses
+    from entoptic.services import keys as key_files
+    from entoptic.services.live import status as statuses
 
     client = None if keys is None else key_files.load_client(keys)
     found = [statuses.process(address, client) for address in addresses] if addresses else statuses.hosts()

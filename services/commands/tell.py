@@ -8,8 +8,8 @@ from typing import Annotated
 import typer
 from rich.markup import escape
 
-from services.options import ClientKeysFolder
-from services.terminal import console
+from entoptic.services.options import ClientKeysFolder
+from entoptic.services.terminal import console
 
 
 class Task(enum.StrEnum):
@@ -30,9 +30,9 @@ def tell(
     """Have a bridge's tracker start or stop a recording, or its own gaze calibration."""
     import msgspec
 
-    from services import control
-    from services import keys as key_files
-    from services.live.requests import TrackerRequest
+    from entoptic.services import control
+    from entoptic.services import keys as key_files
+    from entoptic.services.live.requests import TrackerRequest
 
     if name and task is not Task.START_RECORDING:
         raise typer.BadParameter("only a recording that starts is given a name", param_hint="--name")

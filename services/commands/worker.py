@@ -10,7 +10,7 @@ from typing import Annotated
 import msgspec
 import typer
 
-from services.options import (
+from entoptic.services.options import (
     BudgetMs,
     Child,
     ClientKeysFolder,
@@ -31,7 +31,7 @@ from services.options import (
     Width,
     Without,
 )
-from services.process import cache_folder, prepare_jax, process
+from entoptic.services.process import cache_folder, prepare_jax, process
 
 
 def worker(
@@ -84,7 +84,7 @@ def worker(
     with process(child) as (stop, log):
         prepare_jax()
         if again is not None:
-            from services.worker import again as render_again
+            from entoptic.services.worker import again as render_again
 
             assert out is not None
             out.mkdir(parents=True, exist_ok=True)
@@ -92,17 +92,17 @@ def worker(
             said = msgspec.to_builtins(done.summary)
             log.info("ended", **said, first_different=done.first_different, note=done.note)
             return
-        from pipeline.budget import SHIPPED
-        from pipeline.budget import load as load_costs
-        from pipeline.scenes import open_scene
-        from pipeline.scenes.head_path import open_head_path
-        from services import keys as key_files
-        from services.reader import StateReader
-        from services.settings import load, planned
-        from services.worker import offline as workers
-        from services.worker.checkpoint import Job
-        from services.worker.rendering import Rendering
-        from tracker_bridge.wire import Eye
+        from entoptic.pipeline.budget import SHIPPED
+        from entoptic.pipeline.budget import load as load_costs
+        from entoptic.pipeline.scenes import open_scene
+        from entoptic.pipeline.scenes.head_path import open_head_path
+        from entoptic.services import keys as key_files
+        from entoptic.services.reader import StateReader
+        from entoptic.services.settings import load, planned
+        from entoptic.services.worker import offline as workers
+        from entoptic.services.worker.checkpoint import Job
+        from entoptic.services.worker.rendering import Rendering
+        from entoptic.tracker_bridge.wire import Eye
 
         perception = planned(load(settings), budget_ms, everything, without)
         opened = open_scene(scene, mean_luminance_cd_m2=mean_luminance)
@@ -119,7 +119,7 @@ def worker(
         )
         try:
             if live:
-                from services.worker import live as live_worker
+                from entoptic.services.worker import live as live_worker
 
                 how = live_worker.LiveWorkerSettings(
                     job, frozenset(save), out, seconds, resume, hosted=control is not None

@@ -7,16 +7,17 @@ from pathlib import Path
 
 import msgspec
 
-from services.console.live import Places
-from services.console.security import Rules, new_token
-from services.live.addresses import Addresses
-from tracker_bridge.access import ClientKeys, is_local
+from entoptic.errors import EntopticError
+from entoptic.services.console.live import Places
+from entoptic.services.console.security import Rules, new_token
+from entoptic.services.live.addresses import Addresses
+from entoptic.tracker_bridge.access import ClientKeys, is_local
 
 LEAST_TOKEN = 16
 """Characters: fewer can be guessed."""
 
 
-class ConsoleError(Exception):
+class ConsoleError(EntopticError):
     """The console cannot be served: the message names the option and the remedy."""
 
 

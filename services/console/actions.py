@@ -12,19 +12,19 @@ from typing import Any, TypeVar
 import msgspec
 from msgspec.structs import replace
 
-from pipeline import FrameError
-from services.calibration.page import Screens
-from services.console import listing, requests
-from services.console.fields import changed
-from services.console.live import Live
-from services.console.protocol import PERCEIVED, Replied
-from services.console.viewers import Page
-from services.control import PATIENCE_MS, ControlError
-from services.live import requests as asked
-from services.live.addresses import Addresses
-from services.psf import observer_file
-from services.settings import Settings, SettingsError
-from tracker_bridge.access import ClientKeys
+from entoptic.pipeline import FrameError
+from entoptic.services.calibration.page import Screens
+from entoptic.services.console import listing, requests
+from entoptic.services.console.fields import changed
+from entoptic.services.console.live import Live
+from entoptic.services.console.protocol import PERCEIVED, Replied
+from entoptic.services.console.viewers import Page
+from entoptic.services.control import PATIENCE_MS, ControlError
+from entoptic.services.live import requests as asked
+from entoptic.services.live.addresses import Addresses
+from entoptic.services.psf import observer_file
+from entoptic.services.settings import Settings, SettingsError
+from entoptic.tracker_bridge.access import ClientKeys
 
 HOST_PATIENCE_MS = 15_000
 """It looks at all that a choice names before it answers."""

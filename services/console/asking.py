@@ -8,8 +8,8 @@ import msgspec
 import zmq
 import zmq.asyncio
 
-from services.control import PATIENCE_MS, ControlError, Reply
-from tracker_bridge.access import ClientKeys
+from entoptic.services.control import PATIENCE_MS, ControlError, Reply
+from entoptic.tracker_bridge.access import ClientKeys
 
 
 class Asker:

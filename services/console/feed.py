@@ -17,17 +17,17 @@ from typing import Literal
 import msgspec
 import zmq
 
-from services.console import protocol
-from services.console.figures import Figures
-from services.console.listening import Listening
-from services.console.protocol import EyeTrace, Mark, Marks, ShownNow, Traces
-from services.event_feed import EventFeed
-from services.live import messages
-from services.live.addresses import Addresses
-from services.live.messages import SHOWN, MessageError, Shown
-from tracker_bridge import wire
-from tracker_bridge.access import ClientKeys
-from tracker_bridge.wire import NS_PER_S, Event, Eye, EyeState
+from entoptic.services.console import protocol
+from entoptic.services.console.figures import Figures
+from entoptic.services.console.listening import Listening
+from entoptic.services.console.protocol import EyeTrace, Mark, Marks, ShownNow, Traces
+from entoptic.services.event_feed import EventFeed
+from entoptic.services.live import messages
+from entoptic.services.live.addresses import Addresses
+from entoptic.services.live.messages import SHOWN, MessageError, Shown
+from entoptic.tracker_bridge import wire
+from entoptic.tracker_bridge.access import ClientKeys
+from entoptic.tracker_bridge.wire import NS_PER_S, Event, Eye, EyeState
 
 BATCH_S = 0.04
 MAX_STATES = 20

@@ -15,9 +15,9 @@ from typing import Any
 import msgspec
 from msgspec import inspect as types
 
-from pipeline.plan import LEAVABLE
-from services.console.protocol import Field
-from services.settings import Settings
+from entoptic.pipeline.plan import LEAVABLE
+from entoptic.services.console.protocol import Field
+from entoptic.services.settings import Settings
 
 FIRST = (
     "observer.age_years",

@@ -7,9 +7,9 @@ import statistics
 
 import numpy as np
 
-from services.console.protocol import Latency
-from services.live.messages import LatencyMs, Shown
-from tracker_bridge.wire import Eye, EyeState, Phase
+from entoptic.services.console.protocol import Latency
+from entoptic.services.live.messages import LatencyMs, Shown
+from entoptic.tracker_bridge.wire import Eye, EyeState, Phase
 
 RATE_S = 2.0
 DROPS_S = 10.0

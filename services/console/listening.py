@@ -9,8 +9,8 @@ from contextlib import contextmanager
 
 import zmq
 
-from tracker_bridge.access import ClientKeys
-from tracker_bridge.publisher import KEEPALIVE
+from entoptic.tracker_bridge.access import ClientKeys
+from entoptic.tracker_bridge.publisher import KEEPALIVE
 
 
 class Listening(abc.ABC):

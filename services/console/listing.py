@@ -8,11 +8,11 @@ from datetime import datetime
 from pathlib import Path
 from urllib.parse import quote
 
-from pipeline.scenes import NIGHT_STREET
-from services.console.protocol import Listed
-from services.live.takes import PARTIAL
-from services.results import session_file
-from services.settings import Settings, load
+from entoptic.pipeline.scenes import NIGHT_STREET
+from entoptic.services.console.protocol import Listed
+from entoptic.services.live.takes import PARTIAL
+from entoptic.services.results import session_file
+from entoptic.services.settings import Settings, load
 
 SESSIONS = "sessions"
 MOST = 500

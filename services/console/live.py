@@ -14,19 +14,19 @@ from typing import Any
 import msgspec
 import zmq
 
-from services.console import protocol
-from services.console.asking import Asker
-from services.console.feed import Feed, name_of
-from services.console.figures import Figures
-from services.console.pictures import Pictures
-from services.console.problems import problems
-from services.console.protocol import Process, Status
-from services.console.status import SILENT_S, BridgeSays, HostSays, Snapshot, Watched, WorkerSays, read
-from services.console.viewers import Viewers
-from services.live.addresses import Addresses
-from services.live.requests import GiveStatus
-from services.settings import Settings
-from tracker_bridge.access import ClientKeys
+from entoptic.services.console import protocol
+from entoptic.services.console.asking import Asker
+from entoptic.services.console.feed import Feed, name_of
+from entoptic.services.console.figures import Figures
+from entoptic.services.console.pictures import Pictures
+from entoptic.services.console.problems import problems
+from entoptic.services.console.protocol import Process, Status
+from entoptic.services.console.status import SILENT_S, BridgeSays, HostSays, Snapshot, Watched, WorkerSays, read
+from entoptic.services.console.viewers import Viewers
+from entoptic.services.live.addresses import Addresses
+from entoptic.services.live.requests import GiveStatus
+from entoptic.services.settings import Settings
+from entoptic.tracker_bridge.access import ClientKeys
 
 TICK_S = 0.5
 SETTLED_S = 15.0

@@ -12,12 +12,12 @@ from collections.abc import Callable
 
 import zmq
 
-from services.console import protocol
-from services.console.jpeg import jpeg
-from services.console.listening import Listening
-from services.live import messages
-from services.live.messages import DISPLAYED, PERCEIVED, MessageError, Picture
-from tracker_bridge.access import ClientKeys
+from entoptic.services.console import protocol
+from entoptic.services.console.jpeg import jpeg
+from entoptic.services.console.listening import Listening
+from entoptic.services.live import messages
+from entoptic.services.live.messages import DISPLAYED, PERCEIVED, MessageError, Picture
+from entoptic.tracker_bridge.access import ClientKeys
 
 SOON_S = 0.15
 """Pictures that are due within so long are subscribed to all the time: a subscription takes a frame to act."""

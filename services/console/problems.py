@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from services.console.protocol import Problem
-from services.console.status import SILENT_S, HostSays, ProcessSays, Snapshot
+from entoptic.services.console.protocol import Problem
+from entoptic.services.console.status import SILENT_S, HostSays, ProcessSays, Snapshot
 
 LOST_S = 1.5
 """Longer than any blink. Engineering choice."""

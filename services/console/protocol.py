@@ -21,7 +21,7 @@ from typing import Any, Final, Literal
 
 import msgspec
 
-from services.live.messages import Shown
+from entoptic.services.live.messages import Shown
 
 VERSION: Final = 1
 PERCEIVED, DISPLAYED = 1, 2

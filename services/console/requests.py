@@ -6,7 +6,7 @@ from typing import Annotated, Any, Final, Literal
 
 import msgspec
 
-from services.live.choice import SessionChoice
+from entoptic.services.live.choice import SessionChoice
 
 MAX_REQUEST_BYTES: Final = 65_536
 """A page that sends a longer message is disconnected (close code 1009)."""

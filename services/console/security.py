@@ -21,7 +21,7 @@ from starlette.responses import PlainTextResponse, RedirectResponse
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 from starlette.websockets import WebSocketClose
 
-from services.origin import is_own_origin
+from entoptic.services.origin import is_own_origin
 
 LOOPBACK_NAMES: Final = ("localhost",)
 MAX_BODY_BYTES: Final = 65_536

@@ -27,18 +27,18 @@ from starlette.websockets import WebSocket, WebSocketDisconnect
 from uvicorn.protocols.http.h11_impl import H11Protocol
 from uvicorn.protocols.websockets.websockets_sansio_impl import WebSocketsSansIOProtocol
 
-from services.calibration.page import Screens
-from services.console import protocol, requests
-from services.console.actions import Actions, Folders
-from services.console.fields import fields
-from services.console.listing import PUPIL_MAPS
-from services.console.live import Live, Places
-from services.console.protocol import Fields, Hello, Replied
-from services.console.requests import MAX_REQUEST_BYTES, RequestError
-from services.console.security import Door, Rules
-from services.console.viewers import Page
-from services.results import session_file
-from tracker_bridge.publisher import PortInUseError
+from entoptic.services.calibration.page import Screens
+from entoptic.services.console import protocol, requests
+from entoptic.services.console.actions import Actions, Folders
+from entoptic.services.console.fields import fields
+from entoptic.services.console.listing import PUPIL_MAPS
+from entoptic.services.console.live import Live, Places
+from entoptic.services.console.protocol import Fields, Hello, Replied
+from entoptic.services.console.requests import MAX_REQUEST_BYTES, RequestError
+from entoptic.services.console.security import Door, Rules
+from entoptic.services.console.viewers import Page
+from entoptic.services.results import session_file
+from entoptic.tracker_bridge.publisher import PortInUseError
 
 PAGE = Path(__file__).parent / "page"
 SCREENS_URL = "/screens/"

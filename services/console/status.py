@@ -9,11 +9,11 @@ from typing import Any, TypeVar
 
 import msgspec
 
-from services.console.asking import Asker
-from services.control import ControlError
-from services.live.addresses import Addresses
-from services.live.requests import GiveStatus
-from tracker_bridge.access import ClientKeys
+from entoptic.services.console.asking import Asker
+from entoptic.services.control import ControlError
+from entoptic.services.live.addresses import Addresses
+from entoptic.services.live.requests import GiveStatus
+from entoptic.tracker_bridge.access import ClientKeys
 
 PERIOD_S = 0.5
 PATIENCE_MS = 1500

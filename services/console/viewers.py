@@ -13,8 +13,8 @@ import collections
 import time
 from collections.abc import Awaitable, Callable, Iterable
 
-from services.console import protocol
-from services.console.protocol import DISPLAYED, PERCEIVED
+from entoptic.services.console import protocol
+from entoptic.services.console.protocol import DISPLAYED, PERCEIVED
 
 PATIENCE_S = 20.0
 """Longer than a tablet's browser sleeps between two looks at its sockets. Engineering choice."""

@@ -7,12 +7,12 @@ import math
 from collections.abc import Sequence
 from pathlib import Path
 
-from pipeline.cost.everything import RATES_FPS
-from pipeline.cost.ways import Row
-from pipeline.cost.ways.way import SKIPPED
-from pipeline.cost.whole_frame import Choice, Size, Whole, choose
-from services.cost import everything_plots as plots
-from services.cost.glare import ERROR_COLUMNS, TIME_COLUMNS, error_cells, time_cells
+from entoptic.pipeline.cost.everything import RATES_FPS
+from entoptic.pipeline.cost.ways import Row
+from entoptic.pipeline.cost.ways.way import SKIPPED
+from entoptic.pipeline.cost.whole_frame import Choice, Size, Whole, choose
+from entoptic.services.cost import everything_plots as plots
+from entoptic.services.cost.glare import ERROR_COLUMNS, TIME_COLUMNS, error_cells, time_cells
 
 TABLE, FRAMES, TEXT, WHOLE_PLOT = "cost.csv", "cost-frames.csv", "cost.md", "cost-whole-frame.png"
 COLUMNS = ("effect", "setting", "truth", "scene", *ERROR_COLUMNS, *TIME_COLUMNS)

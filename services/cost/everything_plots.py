@@ -11,10 +11,10 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from pipeline.cost.comparison import pareto
-from pipeline.cost.ways import Row
-from pipeline.cost.whole_frame import Size, Whole, front
-from services.cost.glare_plots import COLOURS, SMALLEST_SHARE, Mark, label
+from entoptic.pipeline.cost.comparison import pareto
+from entoptic.pipeline.cost.ways import Row
+from entoptic.pipeline.cost.whole_frame import Size, Whole, front
+from entoptic.services.cost.glare_plots import COLOURS, SMALLEST_SHARE, Mark, label
 
 SMALLEST_MS = 1e-3
 """What is left out is drawn at this time."""

@@ -6,11 +6,11 @@ import csv
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from pipeline.cost.comparison import Row
-from pipeline.cost.errors import Errors
-from pipeline.cost.sun_corner import SunCorner
-from pipeline.cost.timing import Times
-from services.cost import glare_plots as cost_plots
+from entoptic.pipeline.cost.comparison import Row
+from entoptic.pipeline.cost.errors import Errors
+from entoptic.pipeline.cost.sun_corner import SunCorner
+from entoptic.pipeline.cost.timing import Times
+from entoptic.services.cost import glare_plots as cost_plots
 
 TABLE, TEXT, CORNER_TABLE, CORNER_PLOT = "cost-glare.csv", "cost-glare.md", "sun-corner.csv", "sun-corner.png"
 ERROR_COLUMNS = (

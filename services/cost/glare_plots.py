@@ -17,9 +17,9 @@ from matplotlib.text import Text
 from matplotlib.ticker import NullFormatter
 from matplotlib.transforms import Bbox
 
-from pipeline.cost.comparison import Row, pareto
-from pipeline.cost.errors import Errors
-from pipeline.cost.sun_corner import SunCorner
+from entoptic.pipeline.cost.comparison import Row, pareto
+from entoptic.pipeline.cost.errors import Errors
+from entoptic.pipeline.cost.sun_corner import SunCorner
 
 COLOURS = ("#2a6fbb", "#c8553d", "#3a8f5a", "#8a5aa8", "#b8860b", "#222222")
 """Of the groups, in their order."""

@@ -8,14 +8,14 @@ from pathlib import Path
 import numpy as np
 from matplotlib.figure import Figure, SubFigure
 
-from pipeline import Effect, FrameError, Step
-from pipeline.measure import luminance
-from services.explain import panels, plan_panels
-from services.explain.panels import INK, side_by_side
-from services.explain.plan_panels import Entry
-from services.explain.subject import Subject
-from services.explain.timeline import Timeline
-from services.explain.variants import Explained
+from entoptic.pipeline import Effect, FrameError, Step
+from entoptic.pipeline.measure import luminance
+from entoptic.services.explain import panels, plan_panels
+from entoptic.services.explain.panels import INK, side_by_side
+from entoptic.services.explain.plan_panels import Entry
+from entoptic.services.explain.subject import Subject
+from entoptic.services.explain.timeline import Timeline
+from entoptic.services.explain.variants import Explained
 
 DPI, WIDTH_IN = 100, 17.0
 COLOURS = dict(

@@ -9,9 +9,9 @@ from typing import NamedTuple
 import numpy as np
 from matplotlib.axes import Axes
 
-from pipeline.plan import OFF, SKIPPED
-from services.explain.panels import FAINT, INK
-from services.explain.timeline import Span, Timeline
+from entoptic.pipeline.plan import OFF, SKIPPED
+from entoptic.services.explain.panels import FAINT, INK
+from entoptic.services.explain.timeline import Span, Timeline
 
 
 class Entry(NamedTuple):

@@ -13,11 +13,11 @@ from typing import Any
 import msgspec
 import numpy as np
 
-from pipeline import Frame, FrameError, Light, Looking, Perceived, Planning, RenderState, View, perceive
-from pipeline.budget import CostModel
-from pipeline.scenes import Head, image_file, open_scene
-from services.settings import Settings
-from tracker_bridge.wire import Eye
+from entoptic.pipeline import Frame, FrameError, Light, Looking, Perceived, Planning, RenderState, View, perceive
+from entoptic.pipeline.budget import CostModel
+from entoptic.pipeline.scenes import Head, image_file, open_scene
+from entoptic.services.settings import Settings
+from entoptic.tracker_bridge.wire import Eye
 
 PLAN, KEY_FRAMES = "plan.csv", "key_frames/key_frames.json"
 ADAPTED = "_adapted_cd_m2"

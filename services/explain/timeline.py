@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline import FrameError
+from entoptic.pipeline import FrameError
 
 LEVEL, REASON, MS = "_level", "_reason", "_ms"
 """Ends of plan.csv's columns."""

@@ -9,11 +9,11 @@ import numpy as np
 from jaxtyping import Float
 from msgspec.structs import replace
 
-from pipeline import Effect, GlareLevel, Perceived, Planning
-from pipeline.budget import SHIPPED, CostModel
-from pipeline.effects.encode import srgb_codes
-from pipeline.plan import SKIPPED
-from services.explain.subject import Subject
+from entoptic.pipeline import Effect, GlareLevel, Perceived, Planning
+from entoptic.pipeline.budget import SHIPPED, CostModel
+from entoptic.pipeline.effects.encode import srgb_codes
+from entoptic.pipeline.plan import SKIPPED
+from entoptic.services.explain.subject import Subject
 
 ALWAYS = frozenset({Effect.ADAPTATION, Effect.TONE})
 """A display shows nothing without them."""

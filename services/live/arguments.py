@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from services.live.addresses import Addresses
-from services.live.choice import SessionChoice
-from services.options import Pace
-from tracker_bridge.sources import SIMULATED
+from entoptic.services.live.addresses import Addresses
+from entoptic.services.live.choice import SessionChoice
+from entoptic.services.options import Pace
+from entoptic.tracker_bridge.sources import SIMULATED
 
 
 def bridge_arguments(

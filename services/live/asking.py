@@ -8,7 +8,7 @@ from typing import TypeAlias
 import msgspec
 import zmq
 
-from services.control import Reply
+from entoptic.services.control import Reply
 
 Context: TypeAlias = "zmq.Context[zmq.Socket[bytes]]"
 

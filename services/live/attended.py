@@ -12,14 +12,14 @@ import zmq
 from rich.console import Console
 from rich.markup import escape
 
-from services.live.checked import Checked
-from services.live.host import Host
-from services.live.messages import Shown
-from services.live.on_terminal import OnTerminal
-from services.live.takes import PARTIAL, REPORT, refuse
-from services.live.watching import Watching
-from services.live.web import Web
-from services.process import INTERRUPTED, Stop
+from entoptic.services.live.checked import Checked
+from entoptic.services.live.host import Host
+from entoptic.services.live.messages import Shown
+from entoptic.services.live.on_terminal import OnTerminal
+from entoptic.services.live.takes import PARTIAL, REPORT, refuse
+from entoptic.services.live.watching import Watching
+from entoptic.services.live.web import Web
+from entoptic.services.process import INTERRUPTED, Stop
 
 
 def session(checked: Checked, final: Path, web: Web | None, stop: Stop, console: Console) -> int:

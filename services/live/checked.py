@@ -7,18 +7,18 @@ from pathlib import Path
 
 import msgspec
 
-from pipeline import View
-from pipeline.effects.tone.own_curve import read_curve
-from pipeline.scenes import Scene, open_scene
-from pipeline.scenes.head_path import open_head_path
-from services.eye_data import open_eyes
-from services.live.choice import SessionChoice
-from services.settings import Settings, SettingsError
-from tracker_bridge import pupil_map
-from tracker_bridge.chain import Lane
-from tracker_bridge.source import Source, SourceError
-from tracker_bridge.sources import TrackerSettings
-from tracker_bridge.sources.pupil_remote import DEFAULT_REMOTE
+from entoptic.pipeline import View
+from entoptic.pipeline.effects.tone.own_curve import read_curve
+from entoptic.pipeline.scenes import Scene, open_scene
+from entoptic.pipeline.scenes.head_path import open_head_path
+from entoptic.services.eye_data import open_eyes
+from entoptic.services.live.choice import SessionChoice
+from entoptic.services.settings import Settings, SettingsError
+from entoptic.tracker_bridge import pupil_map
+from entoptic.tracker_bridge.chain import Lane
+from entoptic.tracker_bridge.source import Source, SourceError
+from entoptic.tracker_bridge.sources import TrackerSettings
+from entoptic.tracker_bridge.sources.pupil_remote import DEFAULT_REMOTE
 
 
 @dataclasses.dataclass(frozen=True)

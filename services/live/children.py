@@ -16,7 +16,7 @@ import time
 from collections.abc import Iterator, Sequence
 from typing import Any
 
-from services.process import STOPS_WITHIN_S
+from entoptic.services.process import STOPS_WITHIN_S
 
 SPOKEN_LINES = 20
 """What a process says without being a log, as a traceback: the last of it is kept."""
@@ -32,7 +32,7 @@ class Child:
         self._messages: queue.Queue[dict[str, Any]] = queue.Queue()
         self._spoken: list[str] = []
         self._process = subprocess.Popen(
-            [sys.executable, "-m", "services.cli", *arguments, "--child"],
+            [sys.executable, "-P", "-m", "entoptic", *arguments, "--child"],
             stdin=subprocess.PIPE,
             stderr=subprocess.PIPE,
             stdout=subprocess.DEVNULL,

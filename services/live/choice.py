@@ -6,7 +6,7 @@ from typing import Annotated, Any
 
 import msgspec
 
-from services.options import Eyes, Save
+from entoptic.services.options import Eyes, Save
 
 DEFAULT_FPS = 24.0
 

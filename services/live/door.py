@@ -6,7 +6,7 @@ import threading
 
 import zmq
 
-from tracker_bridge.access import ZAP_ADDRESS, ServerKeys, zap_reply
+from entoptic.tracker_bridge.access import ZAP_ADDRESS, ServerKeys, zap_reply
 
 
 class Door:

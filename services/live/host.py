@@ -20,17 +20,17 @@ from typing import Any, Final, Self
 import msgspec
 import zmq
 
-from services.control import Control, Reply
-from services.live import registry, takes
-from services.live.checked import Checked, check
-from services.live.choice import SessionChoice
-from services.live.journal import Journal
-from services.live.live_session import ENDS_WITHIN_S, LiveSession
-from services.live.requests import GiveStatus, HostRequest, Record, StartSession, StopRecord, StopSession
-from services.live.supervised import Supervised
-from services.live.web import Web
-from services.process import Stop
-from services.results import session_file
+from entoptic.services.control import Control, Reply
+from entoptic.services.live import registry, takes
+from entoptic.services.live.checked import Checked, check
+from entoptic.services.live.choice import SessionChoice
+from entoptic.services.live.journal import Journal
+from entoptic.services.live.live_session import ENDS_WITHIN_S, LiveSession
+from entoptic.services.live.requests import GiveStatus, HostRequest, Record, StartSession, StopRecord, StopSession
+from entoptic.services.live.supervised import Supervised
+from entoptic.services.live.web import Web
+from entoptic.services.process import Stop
+from entoptic.services.results import session_file
 
 TURN_MS: Final = 20
 CHECK_ANSWERS_WITHIN_S: Final = 1.2

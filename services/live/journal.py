@@ -11,7 +11,7 @@ from typing import IO, Any, Final
 
 import msgspec
 
-from services.process import state_folder
+from entoptic.services.process import state_folder
 
 MOST_BYTES: Final = 2_000_000
 """Of a host's own file, after which it begins anew; the one before is kept. Engineering choice: a day of trouble."""

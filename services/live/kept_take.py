@@ -5,8 +5,8 @@ from __future__ import annotations
 import time
 from pathlib import Path
 
-from services.live.asking import Asked, Context
-from services.live.requests import BeginTake, EndTake
+from entoptic.services.live.asking import Asked, Context
+from entoptic.services.live.requests import BeginTake, EndTake
 
 ENDS_WITHIN_S = 60.0
 """A worker that compiles answers late; what it does not keep in that time is not kept."""

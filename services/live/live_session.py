@@ -14,21 +14,21 @@ from concurrent.futures import Future, ThreadPoolExecutor
 from pathlib import Path
 from typing import Any, Final
 
-from services.control import Reply
-from services.live import takes
-from services.live.addresses import free_addresses
-from services.live.arguments import bridge_arguments, worker_arguments
-from services.live.asking import Asked, Context
-from services.live.checked import Checked
-from services.live.journal import Journal
-from services.live.kept_take import KeptTake
-from services.live.requests import GiveStatus
-from services.live.supervised import Supervised
-from services.live.supervision import Gap
-from services.psf import observer_file
-from services.results import session_file
-from services.results.folder import ResultsFolderError
-from tracker_bridge.sources import SIMULATED
+from entoptic.services.control import Reply
+from entoptic.services.live import takes
+from entoptic.services.live.addresses import free_addresses
+from entoptic.services.live.arguments import bridge_arguments, worker_arguments
+from entoptic.services.live.asking import Asked, Context
+from entoptic.services.live.checked import Checked
+from entoptic.services.live.journal import Journal
+from entoptic.services.live.kept_take import KeptTake
+from entoptic.services.live.requests import GiveStatus
+from entoptic.services.live.supervised import Supervised
+from entoptic.services.live.supervision import Gap
+from entoptic.services.psf import observer_file
+from entoptic.services.results import session_file
+from entoptic.services.results.folder import ResultsFolderError
+from entoptic.tracker_bridge.sources import SIMULATED
 
 STATUS_EVERY_S: Final = 0.5
 BRIDGE, WORKER = "bridge", "worker"

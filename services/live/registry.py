@@ -14,7 +14,7 @@ from typing import IO
 
 import msgspec
 
-from services.process import state_folder
+from entoptic.services.process import state_folder
 
 
 class RunningHost(msgspec.Struct, frozen=True):

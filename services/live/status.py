@@ -8,12 +8,12 @@ from typing import Any
 import msgspec
 import zmq
 
-from services.control import ControlError, ask
-from services.live import registry
-from services.live.messages import Shown
-from services.live.requests import GiveStatus
-from services.live.watching import Watching
-from tracker_bridge.access import ClientKeys
+from entoptic.services.control import ControlError, ask
+from entoptic.services.live import registry
+from entoptic.services.live.messages import Shown
+from entoptic.services.live.requests import GiveStatus
+from entoptic.services.live.watching import Watching
+from entoptic.tracker_bridge.access import ClientKeys
 
 FRAME_WITHIN_MS = 1000
 """A worker that has not shown a frame for so long shows none."""

@@ -7,9 +7,9 @@ import time
 from collections.abc import Callable
 from typing import Any, Literal
 
-from services.live.children import Child
-from services.live.journal import Journal
-from services.live.supervision import Gap, Restarts
+from entoptic.services.live.children import Child
+from entoptic.services.live.journal import Journal
+from entoptic.services.live.supervision import Gap, Restarts
 
 State = Literal["starting", "running", "restarting", "stopped", "failed"]
 

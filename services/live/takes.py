@@ -17,15 +17,16 @@ from typing import Any, Final
 
 import msgspec
 
-from pipeline import FrameError
-from services.live.checked import Checked
-from services.live.supervision import Gap
-from services.psf import observer_file
-from services.results import session_file
-from services.results.finish import finish as finish_frames
-from services.results.folder import ResultsFolderError, keep, refuse_foreign
-from services.results.whole import write_json
-from services.settings import Settings
+from entoptic.errors import EntopticError
+from entoptic.pipeline import FrameError
+from entoptic.services.live.checked import Checked
+from entoptic.services.live.supervision import Gap
+from entoptic.services.psf import observer_file
+from entoptic.services.results import session_file
+from entoptic.services.results.finish import finish as finish_frames
+from entoptic.services.results.folder import ResultsFolderError, keep, refuse_foreign
+from entoptic.services.results.whole import write_json
+from entoptic.services.settings import Settings
 
 PARTIAL: Final = ".partial"
 SUMMARY: Final = "summary.json"
@@ -36,7 +37,7 @@ NO_LAST_WORD: Final = "its host left no last word: it was ended by force, or the
 _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9 ._-]{0,63}")
 
 
-class TakeError(Exception):
+class TakeError(EntopticError):
     """A take cannot be made or finished: the message names the folder and the remedy."""
 
 
@@ -228,12 +229,12 @@ def _free(root: Path, name: str) -> str:
 
 def prepare_report() -> None:
     """Loads what draws reports, which takes a second that nobody has when a session ends."""
-    import services.report.page  # noqa: F401
+    import entoptic.services.report.page  # noqa: F401
 
 
 def draw_report(folder: Path) -> str | None:
     """Draws the report of a finished session; what went wrong, for a person."""
-    from services.report import page as report
+    from entoptic.services.report import page as report
 
     try:
         report.write(folder)

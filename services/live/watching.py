@@ -6,9 +6,9 @@ import contextlib
 
 import zmq
 
-from services.live.asking import Context
-from services.live.messages import SHOWN, MessageError, Shown, decode
-from tracker_bridge.access import ClientKeys
+from entoptic.services.live.asking import Context
+from entoptic.services.live.messages import SHOWN, MessageError, Shown, decode
+from entoptic.tracker_bridge.access import ClientKeys
 
 
 class Watching:

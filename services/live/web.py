@@ -6,7 +6,7 @@ import dataclasses
 import socket
 from pathlib import Path
 
-from services.console.access import ConsoleError, rules_for
+from entoptic.services.console.access import ConsoleError, rules_for
 
 
 @dataclasses.dataclass(frozen=True)

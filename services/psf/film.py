@@ -12,13 +12,13 @@ from jaxtyping import UInt8
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from pipeline.observer import Living
-from pipeline.optics import living
-from pipeline.optics.living import Kick
-from pipeline.sinks.video import Video
-from services.psf import layout
-from services.psf.picture import displayed, radiance
-from services.psf.subject import Subject
+from entoptic.pipeline.observer import Living
+from entoptic.pipeline.optics import living
+from entoptic.pipeline.optics.living import Kick
+from entoptic.pipeline.sinks.video import Video
+from entoptic.services.psf import layout
+from entoptic.services.psf.picture import displayed, radiance
+from entoptic.services.psf.subject import Subject
 
 FPS = 24.0
 SIDE_PX, FIELD_DEG = 481, 9.0

@@ -14,7 +14,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Circle
 
-from services.psf.picture import SCALE, Scale
+from entoptic.services.psf.picture import SCALE, Scale
 
 DPI = 100
 GAP_PX, TITLE_PX, CAPTION_PX, FOOT_PX = 8, 30, 22, 34

@@ -7,10 +7,10 @@ from pathlib import Path
 
 import msgspec
 
-from pipeline.effects.glare.models import GlareModel
-from pipeline.observer import Iris
-from pipeline.sinks.whole_file import WholeFile
-from services.settings import Settings, SettingsError
+from entoptic.pipeline.effects.glare.models import GlareModel
+from entoptic.pipeline.observer import Iris
+from entoptic.pipeline.sinks.whole_file import WholeFile
+from entoptic.services.settings import Settings, SettingsError
 
 
 def tuned(settings: Settings, observer: Mapping[str, object], *, lashes: bool | None, model: str | None) -> Settings:

@@ -15,12 +15,12 @@ import numpy as np
 from jaxtyping import Float, UInt8
 from numpy.typing import NDArray
 
-from pipeline.effects.glare.models import GlareModel
-from pipeline.frame import LUMINANCE_WEIGHTS
-from pipeline.observer import Observer
-from pipeline.optics import radial, spectrum
-from pipeline.optics.aperture import PUPIL_RANGE_MM, Pose
-from services.psf.subject import Subject
+from entoptic.pipeline.effects.glare.models import GlareModel
+from entoptic.pipeline.frame import LUMINANCE_WEIGHTS
+from entoptic.pipeline.observer import Observer
+from entoptic.pipeline.optics import radial, spectrum
+from entoptic.pipeline.optics.aperture import PUPIL_RANGE_MM, Pose
+from entoptic.services.psf.subject import Subject
 
 
 @dataclasses.dataclass(frozen=True)

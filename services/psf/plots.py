@@ -14,10 +14,10 @@ from matplotlib.colors import LinearSegmentedColormap, Normalize
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from pipeline.optics.aperture import PLANE_M
-from services.psf import layout
-from services.psf.picture import Scale
-from services.psf.profile import THETA_DEG, Encircled, density
+from entoptic.pipeline.optics.aperture import PLANE_M
+from entoptic.services.psf import layout
+from entoptic.services.psf.picture import Scale
+from entoptic.services.psf.profile import THETA_DEG, Encircled, density
 
 _MARGIN_PX, _BAR_PX, _CAPTION_PX, _CAPTION_WIDTH_PX = 12, 90, 74, 600
 ZOOM_MM = 0.4

@@ -15,10 +15,10 @@ from pathlib import Path
 import numpy as np
 from scipy.interpolate import PchipInterpolator
 
-from pipeline.observer import Observer
-from pipeline.optics import analytic, diffraction, radial
-from pipeline.optics.aperture import Pose
-from services.psf.subject import Angles, Subject, field
+from entoptic.pipeline.observer import Observer
+from entoptic.pipeline.optics import analytic, diffraction, radial
+from entoptic.pipeline.optics.aperture import Pose
+from entoptic.services.psf.subject import Angles, Subject, field
 
 THETA_DEG: Angles = np.concatenate([[0.0], np.geomspace(0.002, 90.0, 240)])
 """Rows of the tables: from half a sample of the pupil plane's function at 575 nm, each 4.6 % further out."""

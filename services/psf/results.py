@@ -13,13 +13,13 @@ from rich.markup import escape
 from rich.progress import Progress
 from rich.table import Table
 
-from pipeline.effects.glare.models import GRID, GlareModel
-from pipeline.optics.aperture import pupil_plane
-from services.psf import film, layout, plots, profile
-from services.psf.picture import SCALE, Scale, displayed, radiance
-from services.psf.sheets import SHEETS
-from services.psf.subject import Subject
-from services.results.folder import results_folder
+from entoptic.pipeline.effects.glare.models import GRID, GlareModel
+from entoptic.pipeline.optics.aperture import pupil_plane
+from entoptic.services.psf import film, layout, plots, profile
+from entoptic.services.psf.picture import SCALE, Scale, displayed, radiance
+from entoptic.services.psf.sheets import SHEETS
+from entoptic.services.psf.subject import Subject
+from entoptic.services.results.folder import results_folder
 
 
 @dataclasses.dataclass(frozen=True)

@@ -13,13 +13,13 @@ import msgspec
 import numpy as np
 from jaxtyping import UInt8
 
-from pipeline.effects.glare.models import GlareModel
-from pipeline.observer import Observer
-from pipeline.optics.aperture import BLOCKED_LIMIT, blocked_share
-from pipeline.optics.pupil import watson_yellott_mm
-from services.psf.layout import Panel, Sheet
-from services.psf.picture import SCALE, Scale, displayed, radiance
-from services.psf.subject import Subject
+from entoptic.pipeline.effects.glare.models import GlareModel
+from entoptic.pipeline.observer import Observer
+from entoptic.pipeline.optics.aperture import BLOCKED_LIMIT, blocked_share
+from entoptic.pipeline.optics.pupil import watson_yellott_mm
+from entoptic.services.psf.layout import Panel, Sheet
+from entoptic.services.psf.picture import SCALE, Scale, displayed, radiance
+from entoptic.services.psf.subject import Subject
 
 SIDE_PX, FIELD_DEG = 361, 9.0
 """Of one picture: 40 pixels per degree, and the halo whole."""

@@ -9,11 +9,11 @@ import numpy as np
 from jaxtyping import Array, Complex
 from numpy.typing import NDArray
 
-from pipeline.effects.glare.models import GRID, GlareModel
-from pipeline.frame import LUMINANCE_WEIGHTS
-from pipeline.observer import Observer
-from pipeline.optics import analytic, diffraction, light_spectra, spectrum, whole
-from pipeline.optics.aperture import Pose, pupil_plane
+from entoptic.pipeline.effects.glare.models import GRID, GlareModel
+from entoptic.pipeline.frame import LUMINANCE_WEIGHTS
+from entoptic.pipeline.observer import Observer
+from entoptic.pipeline.optics import analytic, diffraction, light_spectra, spectrum, whole
+from entoptic.pipeline.optics.aperture import Pose, pupil_plane
 
 Angles = NDArray[np.float64]
 

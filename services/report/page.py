@@ -12,10 +12,10 @@ from typing import Any
 import jinja2
 import numpy as np
 
-from pipeline.plan import OFF, SKIPPED, Effect
-from services.report import latency
-from services.report.plots import PLOTS, Subject, Table, numbers, svg
-from services.results.whole import write_whole
+from entoptic.pipeline.plan import OFF, SKIPPED, Effect
+from entoptic.services.report import latency
+from entoptic.services.report.plots import PLOTS, Subject, Table, numbers, svg
+from entoptic.services.results.whole import write_whole
 
 MOST_PAIRS = 12
 """On the page; all of them lie in the folder."""
@@ -93,7 +93,7 @@ def _pairs(folder: Path) -> list[dict[str, Any]]:
 
 
 def _template() -> jinja2.Template:
-    loader = jinja2.PackageLoader("services.report", package_path="")
+    loader = jinja2.PackageLoader("entoptic.services.report", package_path="")
     return jinja2.Environment(loader=loader, autoescape=True, trim_blocks=True, lstrip_blocks=True).get_template(
         "report.html.jinja"
     )

@@ -16,8 +16,8 @@ from matplotlib.patches import Patch
 from matplotlib.ticker import NullFormatter
 from numpy.typing import NDArray
 
-from pipeline.plan import Effect
-from services.report import latency
+from entoptic.pipeline.plan import Effect
+from entoptic.services.report import latency
 
 Table = dict[str, list[str]]
 

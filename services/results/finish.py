@@ -7,13 +7,13 @@ from typing import Any
 
 import msgspec
 
-from pipeline.frame import FrameError
-from pipeline.sinks.video_parts import begins_s, join
-from services.results.frames import film_parts
-from services.results.moments import FILE as MOMENTS
-from services.results.moments import Moment, Moments, MomentsError, Perceive, Resumed
-from services.results.tally import PLAN, Tally, WorkerSummary
-from services.results.whole import BRIDGE, WORKER, write_json
+from entoptic.pipeline.frame import FrameError
+from entoptic.pipeline.sinks.video_parts import begins_s, join
+from entoptic.services.results.frames import film_parts
+from entoptic.services.results.moments import FILE as MOMENTS
+from entoptic.services.results.moments import Moment, Moments, MomentsError, Perceive, Resumed
+from entoptic.services.results.tally import PLAN, Tally, WorkerSummary
+from entoptic.services.results.whole import BRIDGE, WORKER, write_json
 
 FILM = "perceived.mp4"
 APART = "perceived_apart-"

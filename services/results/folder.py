@@ -7,13 +7,15 @@ import shutil
 from collections.abc import Iterator
 from pathlib import Path
 
+from entoptic.errors import EntopticError
+
 LIST = ".entoptic"
 """Names what was written, so that only that is ever replaced; empty while a folder is being written."""
 NEW = ".new"
 """Of a folder's name while it is being written. A live take has another one: it is never removed."""
 
 
-class ResultsFolderError(Exception):
+class ResultsFolderError(EntopticError):
     """Results cannot be written there: the message names the folder and the remedy."""
 
 

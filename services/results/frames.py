@@ -11,20 +11,20 @@ from types import TracebackType
 import msgspec
 import numpy as np
 
-from pipeline import Encoding, as_displayed
-from pipeline.effects.encode import encode
-from pipeline.sinks.images import still_path, write_exr, write_png, write_still
-from pipeline.sinks.video import Video
-from pipeline.sinks.video_parts import Part
-from services.live.messages import LatencyMs
-from services.options import Save
-from services.results import kept, moments
-from services.results.appended import Appended, row, whole_rows
-from services.results.moments import Begun, Moment, Moments, Perceive, Resumed
-from services.results.tally import PLAN, Heard, Tally, WorkerSummary, plan_columns
-from services.results.whole import WORKER, write_whole
-from services.settings import Settings
-from services.worker.rendering import Rendered
+from entoptic.pipeline import Encoding, as_displayed
+from entoptic.pipeline.effects.encode import encode
+from entoptic.pipeline.sinks.images import still_path, write_exr, write_png, write_still
+from entoptic.pipeline.sinks.video import Video
+from entoptic.pipeline.sinks.video_parts import Part
+from entoptic.services.live.messages import LatencyMs
+from entoptic.services.options import Save
+from entoptic.services.results import kept, moments
+from entoptic.services.results.appended import Appended, row, whole_rows
+from entoptic.services.results.moments import Begun, Moment, Moments, Perceive, Resumed
+from entoptic.services.results.tally import PLAN, Heard, Tally, WorkerSummary, plan_columns
+from entoptic.services.results.whole import WORKER, write_whole
+from entoptic.services.settings import Settings
+from entoptic.services.worker.rendering import Rendered
 
 KEY_FRAMES = 6
 """How many frames of a session of known length are kept as picture pairs."""

@@ -17,20 +17,21 @@ from typing import Annotated
 import msgpack  # type: ignore[import-untyped]  # ships no types
 import msgspec
 
-from pipeline import RenderState, View
-from pipeline.budget import CostModel, Timing
-from pipeline.optics.living import Kick
-from pipeline.scenes import Head
-from services.results import kept
-from services.settings import Settings
-from tracker_bridge.wire import Eye, EyeState
+from entoptic.errors import EntopticError
+from entoptic.pipeline import RenderState, View
+from entoptic.pipeline.budget import CostModel, Timing
+from entoptic.pipeline.optics.living import Kick
+from entoptic.pipeline.scenes import Head
+from entoptic.services.results import kept
+from entoptic.services.settings import Settings
+from entoptic.tracker_bridge.wire import Eye, EyeState
 
 FILE = "moments.msgpack"
 VERSION = 1
 """Of the file's form."""
 
 
-class MomentsError(Exception):
+class MomentsError(EntopticError):
     """Frames cannot be rendered again: the message names the file and the remedy."""
 
 

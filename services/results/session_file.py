@@ -12,8 +12,9 @@ from typing import Final, Literal
 
 import msgspec
 
-from services.live.choice import SessionChoice
-from services.results.whole import write_json
+from entoptic.errors import EntopticError
+from entoptic.services.live.choice import SessionChoice
+from entoptic.services.results.whole import write_json
 
 FILE: Final = "session.json"
 INPUTS: Final = "inputs"
@@ -21,7 +22,7 @@ MOST_BYTES: Final = 2_000_000_000
 """Of copies, for one session; of more than that their paths and hashes are kept. Engineering choice."""
 
 
-class SessionFileError(Exception):
+class SessionFileError(EntopticError):
     """A session's folder cannot be used: the message names the file and the remedy."""
 
 

@@ -10,11 +10,11 @@ from pathlib import Path
 import msgspec
 import numpy as np
 
-from pipeline.plan import OFF, SKIPPED, Effect
-from services.live.messages import LatencyMs
-from services.results.moments import Begun
-from services.worker.rendering import Rendered
-from tracker_bridge.wire import Eye
+from entoptic.pipeline.plan import OFF, SKIPPED, Effect
+from entoptic.services.live.messages import LatencyMs
+from entoptic.services.results.moments import Begun
+from entoptic.services.worker.rendering import Rendered
+from entoptic.tracker_bridge.wire import Eye
 
 PLAN = "plan.csv"
 LATENCIES = ("sample_to_state_ms", "state_to_frame_ms", "frame_to_sink_ms")

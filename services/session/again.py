@@ -13,15 +13,15 @@ from rich.console import Console
 from rich.markup import escape
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
-from services.live import takes
-from services.live.children import Child
-from services.options import Save
-from services.process import Stop
-from services.results import session_file
-from services.results.folder import results_folder
-from services.results.moments import FILE as MOMENTS
-from services.results.whole import BRIDGE, write_json
-from services.session.offline import SessionError, StoppedError, end
+from entoptic.services.live import takes
+from entoptic.services.live.children import Child
+from entoptic.services.options import Save
+from entoptic.services.process import Stop
+from entoptic.services.results import session_file
+from entoptic.services.results.folder import results_folder
+from entoptic.services.results.moments import FILE as MOMENTS
+from entoptic.services.results.whole import BRIDGE, write_json
+from entoptic.services.session.offline import SessionError, StoppedError, end
 
 TABLES = ("states.csv", "events.csv", BRIDGE, session_file.FILE, "settings.toml")
 """What the frames change nothing in."""
@@ -49,7 +49,7 @@ def run(before: Path, out: Path, save: Sequence[Save], stop: Stop, console: Cons
         different = _watch(Child("worker", arguments), stop, console).get("first_different")
         words = "all frames are the same" if different is None else f"frames differ from frame {different} on"
         console.print(words)
-        from services.results.finish import finish
+        from entoptic.services.results.finish import finish
 
         # Gaps and trouble are those of what was rendered then.
         write_json(folder / takes.SUMMARY, takes.told(session, takes.notes_of(before), finish(folder)))

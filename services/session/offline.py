@@ -18,15 +18,16 @@ from rich.console import Console
 from rich.markup import escape
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
-from services.eye_data import SIMULATED_SECONDS
-from services.live.arguments import recorded_bridge_arguments, recorded_worker_arguments
-from services.live.checked import Checked
-from services.live.children import Child
-from services.process import STOPS_WITHIN_S, Stop
-from services.psf import observer_file
-from services.results import session_file
-from services.results.folder import results_folder
-from tracker_bridge.sources import SIMULATED
+from entoptic.errors import EntopticError
+from entoptic.services.eye_data import SIMULATED_SECONDS
+from entoptic.services.live.arguments import recorded_bridge_arguments, recorded_worker_arguments
+from entoptic.services.live.checked import Checked
+from entoptic.services.live.children import Child
+from entoptic.services.process import STOPS_WITHIN_S, Stop
+from entoptic.services.psf import observer_file
+from entoptic.services.results import session_file
+from entoptic.services.results.folder import results_folder
+from entoptic.tracker_bridge.sources import SIMULATED
 
 READY_WITHIN_S = 60.0
 STOPPED_WITHIN_S = 1.0
@@ -34,7 +35,7 @@ STOPPED_WITHIN_S = 1.0
 NOTHING = "stopped before the first frame: nothing was written"
 
 
-class SessionError(Exception):
+class SessionError(EntopticError):
     """A session failed: the message names the process and what it said."""
 
 
@@ -64,11 +65,11 @@ def keep(checked: Checked, final: Path, stop: Stop, console: Console) -> Outcome
 
     Raises SessionError, StoppedError and ResultsFolderError; then no folder is left.
     """
-    from services import simulated_light
-    from services.live import takes
-    from services.report import page as report
-    from services.results.finish import finish
-    from services.results.whole import BRIDGE, write_json
+    from entoptic.services import simulated_light
+    from entoptic.services.live import takes
+    from entoptic.services.report import page as report
+    from entoptic.services.results.finish import finish
+    from entoptic.services.results.whole import BRIDGE, write_json
 
     with results_folder(final) as folder:
         observer_file.write(folder / "settings.toml", checked.settings)

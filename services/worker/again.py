@@ -8,17 +8,17 @@ from pathlib import Path
 import structlog
 from msgspec.structs import replace
 
-from pipeline.scenes import open_scene
-from services.options import Save
-from services.process import Stop
-from services.results import session_file
-from services.results.finish import finish, write_summary
-from services.results.frames import Results
-from services.results.moments import FILE, Moment, Moments, MomentsError, Perceive, Resumed
-from services.results.session_file import SessionFile
-from services.results.tally import WorkerSummary
-from services.settings import Settings
-from services.worker.rendering import Rendering
+from entoptic.pipeline.scenes import open_scene
+from entoptic.services.options import Save
+from entoptic.services.process import Stop
+from entoptic.services.results import session_file
+from entoptic.services.results.finish import finish, write_summary
+from entoptic.services.results.frames import Results
+from entoptic.services.results.moments import FILE, Moment, Moments, MomentsError, Perceive, Resumed
+from entoptic.services.results.session_file import SessionFile
+from entoptic.services.results.tally import WorkerSummary
+from entoptic.services.settings import Settings
+from entoptic.services.worker.rendering import Rendering
 
 
 @dataclasses.dataclass(frozen=True)

@@ -14,12 +14,12 @@ from pathlib import Path
 import msgspec
 import structlog
 
-from pipeline import RenderState, View
-from pipeline.budget import CostModel
-from pipeline.scenes import Head
-from services.results import kept
-from services.settings import Settings
-from tracker_bridge.wire import Eye
+from entoptic.pipeline import RenderState, View
+from entoptic.pipeline.budget import CostModel
+from entoptic.pipeline.scenes import Head
+from entoptic.services.results import kept
+from entoptic.services.settings import Settings
+from entoptic.tracker_bridge.wire import Eye
 
 VERSION = 1
 EVERY_S = 1.0

@@ -18,26 +18,26 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline import Display, Effect, Step, View
-from pipeline.display_light import black_share, seen_peak_cd_m2
-from pipeline.effects.acuity import AcuityMethod, larson
-from pipeline.effects.acuity.fit import LIMIT_CD_M2
-from pipeline.effects.adaptation import exposure
-from pipeline.effects.glare import GlareLevel, Mixture
-from pipeline.effects.glare.kernel import Component, Veil
-from pipeline.effects.glare.veil import amounts
-from pipeline.effects.glare.window import window_of
-from pipeline.effects.night_colour import NightColour, NightMethod, tints
-from pipeline.effects.night_colour.share import adapted_share
-from pipeline.effects.settings import Effects
-from pipeline.effects.tone import Operator, full_cd_m2
-from pipeline.effects.tone.show import coefficients
-from pipeline.optics import radial
-from pipeline.optics.whole import VEIL_DEG
-from pipeline.primaries import SUM_WEIGHTS
-from services.live.messages import EngineEye, EngineFrame, EngineKernel
-from services.worker.rendering import Rendered
-from tracker_bridge.wire import Eye, Phase
+from entoptic.pipeline import Display, Effect, Step, View
+from entoptic.pipeline.display_light import black_share, seen_peak_cd_m2
+from entoptic.pipeline.effects.acuity import AcuityMethod, larson
+from entoptic.pipeline.effects.acuity.fit import LIMIT_CD_M2
+from entoptic.pipeline.effects.adaptation import exposure
+from entoptic.pipeline.effects.glare import GlareLevel, Mixture
+from entoptic.pipeline.effects.glare.kernel import Component, Veil
+from entoptic.pipeline.effects.glare.veil import amounts
+from entoptic.pipeline.effects.glare.window import window_of
+from entoptic.pipeline.effects.night_colour import NightColour, NightMethod, tints
+from entoptic.pipeline.effects.night_colour.share import adapted_share
+from entoptic.pipeline.effects.settings import Effects
+from entoptic.pipeline.effects.tone import Operator, full_cd_m2
+from entoptic.pipeline.effects.tone.show import coefficients
+from entoptic.pipeline.optics import radial
+from entoptic.pipeline.optics.whole import VEIL_DEG
+from entoptic.pipeline.primaries import SUM_WEIGHTS
+from entoptic.services.live.messages import EngineEye, EngineFrame, EngineKernel
+from entoptic.services.worker.rendering import Rendered
+from entoptic.tracker_bridge.wire import Eye, Phase
 
 LEAST_STEP = 1 / 32
 """Of a weight. Engineering choice: 0.008 mm of a pupil, far below what a tracker resolves."""

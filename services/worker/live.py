@@ -18,28 +18,28 @@ import msgspec
 import structlog
 import zmq
 
-from pipeline import FrameError
-from pipeline.optics import OpticsError
-from pipeline.scenes import Head
-from pipeline.scenes.head_path import HeadPath
-from services.control import Reply
-from services.live.messages import LatencyMs
-from services.live.requests import BeginTake, EndTake
-from services.options import Save
-from services.process import Stop
-from services.reader import StateReader
-from services.results import finish as takes
-from services.results.moments import Moment
-from services.results.tally import WorkerSummary
-from services.settings import Settings
-from services.worker.checkpoint import Checkpoint, Job, Keeper
-from services.worker.offline import begin, frames_known, heard
-from services.worker.publish import LivePublisher
-from services.worker.rendering import Rendered, Rendering, gaze_deg, kicks_of
-from services.worker.requests import Wish, WorkerRequests
-from services.worker.take import UNWRITABLE, WorkerTake
-from tracker_bridge.access import ServerKeys
-from tracker_bridge.wire import NS_PER_S, EyeState
+from entoptic.pipeline import FrameError
+from entoptic.pipeline.optics import OpticsError
+from entoptic.pipeline.scenes import Head
+from entoptic.pipeline.scenes.head_path import HeadPath
+from entoptic.services.control import Reply
+from entoptic.services.live.messages import LatencyMs
+from entoptic.services.live.requests import BeginTake, EndTake
+from entoptic.services.options import Save
+from entoptic.services.process import Stop
+from entoptic.services.reader import StateReader
+from entoptic.services.results import finish as takes
+from entoptic.services.results.moments import Moment
+from entoptic.services.results.tally import WorkerSummary
+from entoptic.services.settings import Settings
+from entoptic.services.worker.checkpoint import Checkpoint, Job, Keeper
+from entoptic.services.worker.offline import begin, frames_known, heard
+from entoptic.services.worker.publish import LivePublisher
+from entoptic.services.worker.rendering import Rendered, Rendering, gaze_deg, kicks_of
+from entoptic.services.worker.requests import Wish, WorkerRequests
+from entoptic.services.worker.take import UNWRITABLE, WorkerTake
+from entoptic.tracker_bridge.access import ServerKeys
+from entoptic.tracker_bridge.wire import NS_PER_S, EyeState
 
 GONE_S = 3.0
 """After so long without a state or a heartbeat a bridge says nothing about the eyes any more. Engineering choice: three

@@ -9,19 +9,19 @@ from pathlib import Path
 import msgspec
 import structlog
 
-from pipeline.optics.living import Kick
-from pipeline.scenes import Head
-from pipeline.scenes.head_path import HeadPath
-from services.options import Save
-from services.process import Stop
-from services.reader import StateReader
-from services.results.finish import write_summary
-from services.results.frames import Results
-from services.results.moments import Begun, Moment
-from services.results.tally import Heard, WorkerSummary
-from services.worker.checkpoint import Job
-from services.worker.rendering import Rendering, gaze_deg, kicks_of
-from tracker_bridge.wire import NS_PER_S, EyeState
+from entoptic.pipeline.optics.living import Kick
+from entoptic.pipeline.scenes import Head
+from entoptic.pipeline.scenes.head_path import HeadPath
+from entoptic.services.options import Save
+from entoptic.services.process import Stop
+from entoptic.services.reader import StateReader
+from entoptic.services.results.finish import write_summary
+from entoptic.services.results.frames import Results
+from entoptic.services.results.moments import Begun, Moment
+from entoptic.services.results.tally import Heard, WorkerSummary
+from entoptic.services.worker.checkpoint import Job
+from entoptic.services.worker.rendering import Rendering, gaze_deg, kicks_of
+from entoptic.tracker_bridge.wire import NS_PER_S, EyeState
 
 
 def run(

@@ -18,18 +18,18 @@ import numpy as np
 import zmq
 from zmq.utils.monitor import recv_monitor_message
 
-from pipeline import Display, Effect, GlareLevel, as_displayed
-from pipeline.effects.glare.window import rectangle_px
-from services.live import messages
-from services.live.door import Door
-from services.live.messages import EyeShown, LatencyMs, Picture, Shown, StepShown
-from services.results.frames import side_by_side
-from services.settings import Settings
-from services.worker import engine
-from services.worker.rendering import Rendered
-from tracker_bridge.access import OpenAddressError, ServerKeys, is_local
-from tracker_bridge.publisher import KEEPALIVE, PortInUseError, bind
-from tracker_bridge.wire import Eye
+from entoptic.pipeline import Display, Effect, GlareLevel, as_displayed
+from entoptic.pipeline.effects.glare.window import rectangle_px
+from entoptic.services.live import messages
+from entoptic.services.live.door import Door
+from entoptic.services.live.messages import EyeShown, LatencyMs, Picture, Shown, StepShown
+from entoptic.services.results.frames import side_by_side
+from entoptic.services.settings import Settings
+from entoptic.services.worker import engine
+from entoptic.services.worker.rendering import Rendered
+from entoptic.tracker_bridge.access import OpenAddressError, ServerKeys, is_local
+from entoptic.tracker_bridge.publisher import KEEPALIVE, PortInUseError, bind
+from entoptic.tracker_bridge.wire import Eye
 
 QUEUE = 12
 """Messages kept for each reader. Engineering choice: libzmq learns of what was sent half a queue late, so this holds

@@ -9,13 +9,13 @@ from collections.abc import Callable, Iterable
 import numpy as np
 from msgspec.structs import replace
 
-from pipeline import Frame, GlareLevel, Looking, Perceived, Planning, RenderState, View, as_displayed, perceive
-from pipeline.budget import SHIPPED, Choice, CostModel, Timing, corrected
-from pipeline.optics.living import Kick
-from pipeline.plan import SKIPPED
-from pipeline.scenes import Head, Scene
-from services.settings import Settings
-from tracker_bridge.wire import NS_PER_S, Direction, Eye, EyeState, SaccadeOffset
+from entoptic.pipeline import Frame, GlareLevel, Looking, Perceived, Planning, RenderState, View, as_displayed, perceive
+from entoptic.pipeline.budget import SHIPPED, Choice, CostModel, Timing, corrected
+from entoptic.pipeline.optics.living import Kick
+from entoptic.pipeline.plan import SKIPPED
+from entoptic.pipeline.scenes import Head, Scene
+from entoptic.services.settings import Settings
+from entoptic.tracker_bridge.wire import NS_PER_S, Direction, Eye, EyeState, SaccadeOffset
 
 FRESH_NS = 100_000_000
 """An eye's own direction of gaze older than this gives way to that of both eyes."""

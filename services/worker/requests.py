@@ -19,12 +19,12 @@ from typing import Any, Final
 import msgspec
 import zmq
 
-from pipeline import FrameError
-from pipeline.effects.tone.own_curve import read_curve
-from services.control import Control, Reply
-from services.live.requests import BeginTake, EndTake, GiveStatus, Perceive, WorkerRequest
-from services.settings import Settings
-from tracker_bridge.access import ServerKeys
+from entoptic.pipeline import FrameError
+from entoptic.pipeline.effects.tone.own_curve import read_curve
+from entoptic.services.control import Control, Reply
+from entoptic.services.live.requests import BeginTake, EndTake, GiveStatus, Perceive, WorkerRequest
+from entoptic.services.settings import Settings
+from entoptic.tracker_bridge.access import ServerKeys
 
 TURN_MS: Final = 50
 ANSWER_WITHIN_S: Final = 1.5

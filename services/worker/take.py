@@ -8,16 +8,16 @@ from pathlib import Path
 
 import structlog
 
-from pipeline import FrameError
-from services.live.messages import LatencyMs
-from services.options import Save
-from services.results.finish import write_summary
-from services.results.frames import Results
-from services.results.moments import FILE as MOMENTS
-from services.results.moments import Begun, Moment, MomentsError
-from services.results.tally import Heard, WorkerSummary
-from services.settings import Settings
-from services.worker.rendering import Rendered
+from entoptic.pipeline import FrameError
+from entoptic.services.live.messages import LatencyMs
+from entoptic.services.options import Save
+from entoptic.services.results.finish import write_summary
+from entoptic.services.results.frames import Results
+from entoptic.services.results.moments import FILE as MOMENTS
+from entoptic.services.results.moments import Begun, Moment, MomentsError
+from entoptic.services.results.tally import Heard, WorkerSummary
+from entoptic.services.settings import Settings
+from entoptic.services.worker.rendering import Rendered
 
 UNWRITABLE = (OSError, FrameError, MomentsError)
 

@@ -10,29 +10,35 @@ from typing import NamedTuple
 
 import msgpack
 
-from services.console.requests import RequestError, decode_request
-from services.live import messages
-from services.settings import SettingsError
-from services.settings import load as load_settings
-from tracker_bridge import wire
-from tracker_bridge.clock import ArrivalClock
-from tracker_bridge.events import BlinkOffset, StreamStarted
-from tracker_bridge.pupil_map import PupilMapError
-from tracker_bridge.pupil_map import read as read_pupil_map
-from tracker_bridge.samples import Direction, Eye, EyeState, GazeSample, OneEyeState, Phase, PupilSample
-from tracker_bridge.source import SourceError
-from tracker_bridge.sources import open_source
-from tracker_bridge.sources.hid_descriptor import HidDescriptorError
-from tracker_bridge.sources.hid_eye_tracker import EyeTrackerReports
-from tracker_bridge.sources.pupil_bus import PupilBus
-from tracker_bridge.sources.pupil_datum import base_pupils, decode_gaze, decode_pupil, gaze_samples, pupil_sample
-from tracker_bridge.sources.pupil_writer import write_recording
-from tracker_bridge.sources.simulated import SimulatedEyes, SimulatedSettings
-from tracker_bridge.sources.table_map import read_table_map
-from tracker_bridge.sources.usb_file import open_usb_file
-from tracker_bridge.sources.usb_stream import Connection, PacketStream
-from tracker_bridge.sources.usb_twin_descriptors import PACKET_BYTES
-from tracker_bridge.sources.usb_twin_report import DESCRIPTOR, tracking_report
+from entoptic.services.console.requests import RequestError, decode_request
+from entoptic.services.live import messages
+from entoptic.services.settings import SettingsError
+from entoptic.services.settings import load as load_settings
+from entoptic.tracker_bridge import wire
+from entoptic.tracker_bridge.clock import ArrivalClock
+from entoptic.tracker_bridge.events import BlinkOffset, StreamStarted
+from entoptic.tracker_bridge.pupil_map import PupilMapError
+from entoptic.tracker_bridge.pupil_map import read as read_pupil_map
+from entoptic.tracker_bridge.samples import Direction, Eye, EyeState, GazeSample, OneEyeState, Phase, PupilSample
+from entoptic.tracker_bridge.source import SourceError
+from entoptic.tracker_bridge.sources import open_source
+from entoptic.tracker_bridge.sources.hid_descriptor import HidDescriptorError
+from entoptic.tracker_bridge.sources.hid_eye_tracker import EyeTrackerReports
+from entoptic.tracker_bridge.sources.pupil_bus import PupilBus
+from entoptic.tracker_bridge.sources.pupil_datum import (
+    base_pupils,
+    decode_gaze,
+    decode_pupil,
+    gaze_samples,
+    pupil_sample,
+)
+from entoptic.tracker_bridge.sources.pupil_writer import write_recording
+from entoptic.tracker_bridge.sources.simulated import SimulatedEyes, SimulatedSettings
+from entoptic.tracker_bridge.sources.table_map import read_table_map
+from entoptic.tracker_bridge.sources.usb_file import open_usb_file
+from entoptic.tracker_bridge.sources.usb_stream import Connection, PacketStream
+from entoptic.tracker_bridge.sources.usb_twin_descriptors import PACKET_BYTES
+from entoptic.tracker_bridge.sources.usb_twin_report import DESCRIPTOR, tracking_report
 
 PAGE_REQUESTS = (
     b'{"do": "perceive", "id": 1, "changes": {"observer.age_years": 61}}',

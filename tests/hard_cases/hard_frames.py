@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from pipeline import Effects, Frame, Glare, Looking, Observer, Perceived, Planning, RenderState, View, perceive
+from entoptic.pipeline import Effects, Frame, Glare, Looking, Observer, Perceived, Planning, RenderState, View, perceive
 
 SMALL = Observer(particles=50, gratings=20)
 EYE = Looking(pupil_mm=4.0)

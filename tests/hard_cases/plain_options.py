@@ -8,11 +8,11 @@ import scipy.optimize
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from pipeline import View
-from pipeline.cost.plain import acuity, adaptation
-from pipeline.effects.rod_noise import RodNoise
-from pipeline.mesopic import SCOTOPIC_WEIGHTS
-from pipeline.threshold import cone_threshold_cd_m2
+from entoptic.pipeline import View
+from entoptic.pipeline.cost.plain import acuity, adaptation
+from entoptic.pipeline.effects.rod_noise import RodNoise
+from entoptic.pipeline.mesopic import SCOTOPIC_WEIGHTS
+from entoptic.pipeline.threshold import cone_threshold_cd_m2
 
 Reals = NDArray[np.float64]
 

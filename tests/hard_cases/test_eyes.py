@@ -11,11 +11,11 @@ import numpy as np
 import pytest
 from hard_frames import EYE, FOV_DEG, SMALL, grey, see, textured
 
-from pipeline import Frame, Looking, Perceived, RenderState, View, perceive
-from services.worker.rendering import looking_of
-from tracker_bridge.chain import records_of
-from tracker_bridge.samples import Eye, EyeState, GazeSample, Phase, PupilSample
-from tracker_bridge.source import Item
+from entoptic.pipeline import Frame, Looking, Perceived, RenderState, View, perceive
+from entoptic.services.worker.rendering import looking_of
+from entoptic.tracker_bridge.chain import records_of
+from entoptic.tracker_bridge.samples import Eye, EyeState, GazeSample, Phase, PupilSample
+from entoptic.tracker_bridge.source import Item
 
 MS = 1_000_000
 STEP_MS = 5

@@ -9,21 +9,21 @@ import numpy as np
 import pytest
 from hard_frames import SMALL, VIEW, every_adapted, every_frame, of_name, see
 
-from pipeline import Display, Frame, Glare, GlareLevel, GlareModel, Looking
-from pipeline.cost.plain import acuity as plain_acuity
-from pipeline.cost.plain import adaptation as plain_adaptation
-from pipeline.cost.plain import night_colour as plain_night
-from pipeline.cost.plain import operators as plain_operators
-from pipeline.cost.plain import tone as plain_tone
-from pipeline.cost.plain import whole as plain_whole
-from pipeline.effects import acuity, adaptation, night_colour, tone
-from pipeline.effects.encode import srgb_codes
-from pipeline.effects.glare import Sight, mixture, scatter
-from pipeline.effects.glare.reference import of_mixture, reference_glare
-from pipeline.effects.night_colour import NightColour, NightMethod
-from pipeline.effects.tone import Hue, Operator, Tone
-from pipeline.measure import measure
-from pipeline.optics.aperture import Pose
+from entoptic.pipeline import Display, Frame, Glare, GlareLevel, GlareModel, Looking
+from entoptic.pipeline.cost.plain import acuity as plain_acuity
+from entoptic.pipeline.cost.plain import adaptation as plain_adaptation
+from entoptic.pipeline.cost.plain import night_colour as plain_night
+from entoptic.pipeline.cost.plain import operators as plain_operators
+from entoptic.pipeline.cost.plain import tone as plain_tone
+from entoptic.pipeline.cost.plain import whole as plain_whole
+from entoptic.pipeline.effects import acuity, adaptation, night_colour, tone
+from entoptic.pipeline.effects.encode import srgb_codes
+from entoptic.pipeline.effects.glare import Sight, mixture, scatter
+from entoptic.pipeline.effects.glare.reference import of_mixture, reference_glare
+from entoptic.pipeline.effects.night_colour import NightColour, NightMethod
+from entoptic.pipeline.effects.tone import Hue, Operator, Tone
+from entoptic.pipeline.measure import measure
+from entoptic.pipeline.optics.aperture import Pose
 
 DISPLAY = Display()
 

@@ -12,17 +12,17 @@ import pytest
 from hard_frames import every_adapted, every_frame, of_name
 from numpy.typing import NDArray
 
-from pipeline import Display, View
-from pipeline.cost.plain import adaptation, night_colour, operators
-from pipeline.cost.plain import tone as plain_tone
-from pipeline.effects import acuity, afterimage, rod_noise, tone
-from pipeline.effects.acuity import Acuity, AcuityMethod
-from pipeline.effects.afterimage import Afterimage, Retina
-from pipeline.effects.night_colour import NightColour, NightMethod, shift
-from pipeline.effects.night_colour.share import adapted_share
-from pipeline.effects.night_colour.tints import tint, weights
-from pipeline.effects.rod_noise import RodNoise
-from pipeline.effects.tone import Hue, Operator, Tone
+from entoptic.pipeline import Display, View
+from entoptic.pipeline.cost.plain import adaptation, night_colour, operators
+from entoptic.pipeline.cost.plain import tone as plain_tone
+from entoptic.pipeline.effects import acuity, afterimage, rod_noise, tone
+from entoptic.pipeline.effects.acuity import Acuity, AcuityMethod
+from entoptic.pipeline.effects.afterimage import Afterimage, Retina
+from entoptic.pipeline.effects.night_colour import NightColour, NightMethod, shift
+from entoptic.pipeline.effects.night_colour.share import adapted_share
+from entoptic.pipeline.effects.night_colour.tints import tint, weights
+from entoptic.pipeline.effects.rod_noise import RodNoise
+from entoptic.pipeline.effects.tone import Hue, Operator, Tone
 
 Reals = NDArray[np.float64]
 

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from hard_frames import FOV_DEG, SMALL, grey, see
 
-from pipeline import Frame, FrameError, Looking, RenderState, perceive
-from pipeline.effects import adaptation
-from pipeline.frame import clean
+from entoptic.pipeline import Frame, FrameError, Looking, RenderState, perceive
+from entoptic.pipeline.effects import adaptation
+from entoptic.pipeline.frame import clean
 
 
 def test_all_black_frame_is_black() -> None:

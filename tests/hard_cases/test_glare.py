@@ -7,16 +7,16 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from pipeline.effects import glare
-from pipeline.effects.glare import models, reference
-from pipeline.effects.glare.kernel import Mixture, component
-from pipeline.effects.glare.settings import Glare, GlareLevel
-from pipeline.frame import Frame, FrameError, View
-from pipeline.measure import luminance, measure
-from pipeline.observer import Observer
-from pipeline.optics import analytic, whole
-from pipeline.optics.aperture import Pose
-from pipeline.render import Looking
+from entoptic.pipeline.effects import glare
+from entoptic.pipeline.effects.glare import models, reference
+from entoptic.pipeline.effects.glare.kernel import Mixture, component
+from entoptic.pipeline.effects.glare.settings import Glare, GlareLevel
+from entoptic.pipeline.frame import Frame, FrameError, View
+from entoptic.pipeline.measure import luminance, measure
+from entoptic.pipeline.observer import Observer
+from entoptic.pipeline.optics import analytic, whole
+from entoptic.pipeline.optics.aperture import Pose
+from entoptic.pipeline.render import Looking
 
 LEVELS = [GlareLevel.VEIL, GlareLevel.SOURCES, GlareLevel.WINDOW, GlareLevel.FRAME]
 OBSERVER = Observer(particles=50, gratings=0)

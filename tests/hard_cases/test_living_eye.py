@@ -8,8 +8,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pipeline.observer import Living, Observer
-from pipeline.optics.living import Kick, LivingState, at_rest, pose_of, step
+from entoptic.pipeline.observer import Living, Observer
+from entoptic.pipeline.optics.living import Kick, LivingState, at_rest, pose_of, step
 
 ALIVE = Observer(living=Living(*(True,) * len(Living.__struct_fields__)))
 

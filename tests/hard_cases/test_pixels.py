@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from hard_frames import EVERYTHING, UNSPREAD, WIDTH, grey, linear, see, textured
 
-from pipeline import Glare, GlareLevel, GlareModel, RenderState
-from pipeline.plan import Effect
+from entoptic.pipeline import Glare, GlareLevel, GlareModel, RenderState
+from entoptic.pipeline.plan import Effect
 
 BAD = [-1e-6, -1.0, -1e4, -math.inf, math.nan]
 Y, X = 10, 12

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from hard_frames import EYE, FOV_DEG, SMALL, SPREAD, UNSPREAD, grey, linear, see, textured
 
-from pipeline import Effects, Frame, Glare, Perceived, RenderState, perceive
-from pipeline.effects.adaptation import Adaptation
+from entoptic.pipeline import Effects, Frame, Glare, Perceived, RenderState, perceive
+from entoptic.pipeline.effects.adaptation import Adaptation
 
 FPS = 24
 DARK, BRIGHT = 0.01, 1000.0

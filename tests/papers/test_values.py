@@ -6,11 +6,11 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from pipeline import mesopic, threshold
-from pipeline.effects import acuity, adaptation, night_colour, tone
-from pipeline.effects.acuity import larson
-from pipeline.effects.night_colour import tints
-from pipeline.optics import analytic, pupil, radial
+from entoptic.pipeline import mesopic, threshold
+from entoptic.pipeline.effects import acuity, adaptation, night_colour, tone
+from entoptic.pipeline.effects.acuity import larson
+from entoptic.pipeline.effects.night_colour import tints
+from entoptic.pipeline.optics import analytic, pupil, radial
 
 
 def test_watson_yellott() -> None:

@@ -13,12 +13,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pipeline.cost import errors, scenes
-from pipeline.cost.comparison import Row, Setting, compare, pareto, worst
-from pipeline.cost.sun_corner import LAID, PLAIN, angles_deg, plain_fft, sun_corner
-from pipeline.cost.timing import interleaved
-from pipeline.effects.glare.kernel import Component, component
-from pipeline.frame import Display, Frame, View
+from entoptic.pipeline.cost import errors, scenes
+from entoptic.pipeline.cost.comparison import Row, Setting, compare, pareto, worst
+from entoptic.pipeline.cost.sun_corner import LAID, PLAIN, angles_deg, plain_fft, sun_corner
+from entoptic.pipeline.cost.timing import interleaved
+from entoptic.pipeline.effects.glare.kernel import Component, component
+from entoptic.pipeline.frame import Display, Frame, View
 
 DISPLAY = Display()
 

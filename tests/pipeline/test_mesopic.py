@@ -8,7 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from pipeline import mesopic
+from entoptic.pipeline import mesopic
 
 PUBLISHED_PER_CENT = {
     # S/P: mesopic over photopic luminance, at 0.01, 0.03, 0.1, 0.3 and 1 cd/m² (CIE 191:2010, table of examples).

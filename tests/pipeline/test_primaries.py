@@ -5,9 +5,9 @@ from __future__ import annotations
 import colour
 import numpy as np
 
-from pipeline.effects.encode import REC709, to_xyz
-from pipeline.frame import LUMINANCE_WEIGHTS
-from pipeline.primaries import RGB_TO_XYZ, SUM_WEIGHTS, X_WEIGHTS, XYZ_TO_RGB, Z_WEIGHTS
+from entoptic.pipeline.effects.encode import REC709, to_xyz
+from entoptic.pipeline.frame import LUMINANCE_WEIGHTS
+from entoptic.pipeline.primaries import RGB_TO_XYZ, SUM_WEIGHTS, X_WEIGHTS, XYZ_TO_RGB, Z_WEIGHTS
 
 
 def test_the_matrix_is_the_standards() -> None:

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from pipeline import (
+from entoptic.pipeline import (
     Display,
     Effects,
     Frame,
@@ -18,8 +18,8 @@ from pipeline import (
     as_displayed,
     perceive,
 )
-from pipeline.effects import adaptation, tone
-from pipeline.plan import SKIPPED, Effect
+from entoptic.pipeline.effects import adaptation, tone
+from entoptic.pipeline.plan import SKIPPED, Effect
 
 OBSERVER = Observer()
 

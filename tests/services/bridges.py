@@ -6,11 +6,11 @@ from collections.abc import Callable
 
 import zmq
 
-from services.reader import StateReader
-from tracker_bridge import wire
-from tracker_bridge.events import BlinkOnset, Event, Heartbeat, StreamEnded, StreamStarted
-from tracker_bridge.publisher import Publisher
-from tracker_bridge.samples import Direction, Eye, EyeState, OneEyeState, Phase
+from entoptic.services.reader import StateReader
+from entoptic.tracker_bridge import wire
+from entoptic.tracker_bridge.events import BlinkOnset, Event, Heartbeat, StreamEnded, StreamStarted
+from entoptic.tracker_bridge.publisher import Publisher
+from entoptic.tracker_bridge.samples import Direction, Eye, EyeState, OneEyeState, Phase
 
 ANY = "tcp://127.0.0.1:*"
 MS = 1_000_000

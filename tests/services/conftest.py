@@ -5,7 +5,7 @@ from collections.abc import Callable, Iterator
 import pytest
 from bridges import Bridge, LossyBridge
 
-from services.reader import StateReader
+from entoptic.services.reader import StateReader
 
 
 @pytest.fixture

@@ -8,8 +8,8 @@ from typing import Any, Self
 import msgspec
 import zmq
 
-from tracker_bridge.access import ClientKeys
-from tracker_bridge.samples import NS_PER_S
+from entoptic.tracker_bridge.access import ClientKeys
+from entoptic.tracker_bridge.samples import NS_PER_S
 
 
 class ScreenProgram:

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from services.results.appended import Appended
+from entoptic.services.results.appended import Appended
 
 
 def test_it_grows_by_whole_records_and_goes_on(tmp_path: Path) -> None:
@@ -25,7 +25,7 @@ def test_it_grows_by_whole_records_and_goes_on(tmp_path: Path) -> None:
 LIMITED = """
 import resource, signal, sys
 from pathlib import Path
-from services.results.appended import Appended
+from entoptic.services.results.appended import Appended
 signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
 resource.setrlimit(resource.RLIMIT_FSIZE, (10, 10))
 with Appended(Path(sys.argv[1])) as file:

@@ -11,12 +11,12 @@ from pathlib import Path
 import pytest
 import structlog
 
-from services.bridge import process as bridge
-from services.bridge.process import BridgeSettings
-from services.process import Stop
-from tracker_bridge.chain import Lane
-from tracker_bridge.samples import Eye, GazeSample, PupilSample
-from tracker_bridge.source import Item, SourceError, SourceInfo, Tick
+from entoptic.services.bridge import process as bridge
+from entoptic.services.bridge.process import BridgeSettings
+from entoptic.services.process import Stop
+from entoptic.tracker_bridge.chain import Lane
+from entoptic.tracker_bridge.samples import Eye, GazeSample, PupilSample
+from entoptic.tracker_bridge.source import Item, SourceError, SourceInfo, Tick
 
 MS, S = 1_000_000, 1_000_000_000
 ANY = "tcp://127.0.0.1:*"

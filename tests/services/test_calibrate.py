@@ -10,21 +10,21 @@ import numpy as np
 import pytest
 from screen_program import ScreenProgram
 
-from services.calibration import result as results
-from services.calibration.display import Answer, NoDisplay, Request, SocketDisplay
-from services.calibration.result import Attempt, judge
-from services.calibration.run import GREY_SHARE, CalibrationRun, Room, follow, items_now
-from tracker_bridge import pupil_map
-from tracker_bridge.calibration import Protocol, Screen, ShowScreen, Stage, Statistic, Step, luidolt, robust
-from tracker_bridge.calibration_quality import Failure
-from tracker_bridge.chain import Chain
-from tracker_bridge.publisher import PortInUseError
-from tracker_bridge.pupil_map import PupilMapError, Use
-from tracker_bridge.samples import NS_PER_S, Eye, EyeState, PupilSample
-from tracker_bridge.source import Item, SourceError, SourceInfo
-from tracker_bridge.sources.simulated import SimulatedEyes, SimulatedSettings
-from tracker_bridge.sources.simulated_live import SimulatedLiveEyes
-from tracker_bridge.sources.simulated_pupil import watson_yellott_mm
+from entoptic.services.calibration import result as results
+from entoptic.services.calibration.display import Answer, NoDisplay, Request, SocketDisplay
+from entoptic.services.calibration.result import Attempt, judge
+from entoptic.services.calibration.run import GREY_SHARE, CalibrationRun, Room, follow, items_now
+from entoptic.tracker_bridge import pupil_map
+from entoptic.tracker_bridge.calibration import Protocol, Screen, ShowScreen, Stage, Statistic, Step, luidolt, robust
+from entoptic.tracker_bridge.calibration_quality import Failure
+from entoptic.tracker_bridge.chain import Chain
+from entoptic.tracker_bridge.publisher import PortInUseError
+from entoptic.tracker_bridge.pupil_map import PupilMapError, Use
+from entoptic.tracker_bridge.samples import NS_PER_S, Eye, EyeState, PupilSample
+from entoptic.tracker_bridge.source import Item, SourceError, SourceInfo
+from entoptic.tracker_bridge.sources.simulated import SimulatedEyes, SimulatedSettings
+from entoptic.tracker_bridge.sources.simulated_live import SimulatedLiveEyes
+from entoptic.tracker_bridge.sources.simulated_pupil import watson_yellott_mm
 
 WHITE_CD_M2, BLACK_CD_M2 = 200.0, 0.05
 TRUE_MM = {

@@ -12,10 +12,10 @@ import typer
 from rich.console import Console
 from typer.testing import CliRunner
 
-from services.commands import calibrate as commands
-from tracker_bridge import pupil_map
-from tracker_bridge.calibration import CalibrationError
-from tracker_bridge.pupil_map import Use
+from entoptic.services.commands import calibrate as commands
+from entoptic.tracker_bridge import pupil_map
+from entoptic.tracker_bridge.calibration import CalibrationError
+from entoptic.tracker_bridge.pupil_map import Use
 
 
 def run(folder: Path, *arguments: str) -> int:

@@ -8,9 +8,9 @@ from pathlib import Path
 
 import pytest
 
-from services.live.children import Child
-from services.live.journal import Journal
-from services.live.supervised import Supervised
+from entoptic.services.live.children import Child
+from entoptic.services.live.journal import Journal
+from entoptic.services.live.supervised import Supervised
 
 BRIDGE = ["bridge", "--source", "simulated", "--wait"]
 """One that waits for a reader until it is asked to stop."""
@@ -53,7 +53,7 @@ def test_a_child_that_fails_says_why() -> None:
 
 PARENT = """
 import sys, time
-from services.live.children import Child
+from entoptic.services.live.children import Child
 child = Child("eyes", ["bridge", "--source", "simulated", "--wait"])
 while not any(one["event"] == "ready" for one in child.drain()):
     time.sleep(0.02)

@@ -10,18 +10,18 @@ import zmq
 from hypothesis import given
 from hypothesis import strategies as st
 
-from services.bridge.tracker_tasks import told
-from services.control import Control, ControlError, Reply, tell
-from services.live.requests import (
+from entoptic.services.bridge.tracker_tasks import told
+from entoptic.services.control import Control, ControlError, Reply, tell
+from entoptic.services.live.requests import (
     StartCalibration,
     StartRecording,
     StopCalibration,
     StopRecording,
     TrackerRequest,
 )
-from tracker_bridge.access import OpenAddressError
-from tracker_bridge.publisher import PortInUseError
-from tracker_bridge.source import SourceError
+from entoptic.tracker_bridge.access import OpenAddressError
+from entoptic.tracker_bridge.publisher import PortInUseError
+from entoptic.tracker_bridge.source import SourceError
 
 
 class Tracker:

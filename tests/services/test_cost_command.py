@@ -13,15 +13,15 @@ from matplotlib.figure import Figure
 from matplotlib.text import Text
 from typer.testing import CliRunner
 
-from pipeline.cost import glare
-from pipeline.cost.comparison import Row
-from pipeline.cost.errors import Errors
-from pipeline.cost.sun_corner import SunCorner
-from pipeline.cost.timing import Times
-from services.commands.cost import cost as command
-from services.cost import glare as cost
-from services.cost import glare_plots as cost_plots
-from services.results.folder import LIST
+from entoptic.pipeline.cost import glare
+from entoptic.pipeline.cost.comparison import Row
+from entoptic.pipeline.cost.errors import Errors
+from entoptic.pipeline.cost.sun_corner import SunCorner
+from entoptic.pipeline.cost.timing import Times
+from entoptic.services.commands.cost import cost as command
+from entoptic.services.cost import glare as cost
+from entoptic.services.cost import glare_plots as cost_plots
+from entoptic.services.results.folder import LIST
 
 NOTES = glare.notes(glare.QUICK)
 SCENES = ("night street",)

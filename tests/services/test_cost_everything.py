@@ -11,19 +11,19 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from pipeline.budget import SHIPPED
-from pipeline.cost import calibration, everything
-from pipeline.cost.errors import Errors
-from pipeline.cost.everything import Cost, Effort
-from pipeline.cost.scenes import scene
-from pipeline.cost.timing import Times
-from pipeline.cost.ways import EFFECTS, Row, Stage
-from pipeline.cost.whole_frame import ALWAYS, COMBINATIONS, GLARES, Whole
-from pipeline.frame import Encoding
-from services.commands.cost import cost as command
-from services.cost import everything as cost_everything
-from services.cost import everything_plots as cost_everything_plots
-from services.results.folder import LIST
+from entoptic.pipeline.budget import SHIPPED
+from entoptic.pipeline.cost import calibration, everything
+from entoptic.pipeline.cost.errors import Errors
+from entoptic.pipeline.cost.everything import Cost, Effort
+from entoptic.pipeline.cost.scenes import scene
+from entoptic.pipeline.cost.timing import Times
+from entoptic.pipeline.cost.ways import EFFECTS, Row, Stage
+from entoptic.pipeline.cost.whole_frame import ALWAYS, COMBINATIONS, GLARES, Whole
+from entoptic.pipeline.frame import Encoding
+from entoptic.services.commands.cost import cost as command
+from entoptic.services.cost import everything as cost_everything
+from entoptic.services.cost import everything_plots as cost_everything_plots
+from entoptic.services.results.folder import LIST
 
 SMALL, LARGE = (24, 26), (48, 52)
 SCENES = ("moonlight", "bright room")
@@ -166,7 +166,7 @@ def test_calibrating_keeps_a_figure_for_every_level(tmp_path: Path, monkeypatch:
     monkeypatch.setattr(calibration, "SIZES", (SMALL,))
     monkeypatch.setattr(calibration, "SCENE", "bright room")
     monkeypatch.setattr(calibration, "EFFECTS", {"tone": EFFECTS["tone"]})
-    monkeypatch.setattr("services.commands.cost.cache_folder", lambda: tmp_path)
+    monkeypatch.setattr("entoptic.services.commands.cost.cache_folder", lambda: tmp_path)
     result = CliRunner().invoke(command, ["--calibrate", "--quick"])
     assert result.exit_code == 0, result.output
     kept = json.loads(next(tmp_path.glob("costs-*.json")).read_text(encoding="utf-8"))["costs"]

@@ -9,12 +9,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from services.detect import Found, detect, plot_main_sequence, read_labels, score, write_csv
-from services.event_scores import Span, compare
-from tracker_bridge.samples import Eye, GazeSample, PupilSample
-from tracker_bridge.source import SourceError
-from tracker_bridge.sources.loaded import load
-from tracker_bridge.sources.simulated import SimulatedEyes, SimulatedSettings
+from entoptic.services.detect import Found, detect, plot_main_sequence, read_labels, score, write_csv
+from entoptic.services.event_scores import Span, compare
+from entoptic.tracker_bridge.samples import Eye, GazeSample, PupilSample
+from entoptic.tracker_bridge.source import SourceError
+from entoptic.tracker_bridge.sources.loaded import load
+from entoptic.tracker_bridge.sources.simulated import SimulatedEyes, SimulatedSettings
 
 MS = 1_000_000
 
@@ -142,7 +142,7 @@ def test_nothing_found_is_no_recall_and_no_error() -> None:
 
 @pytest.mark.shared_data
 def test_drawn_eyes_that_pursue_and_blink_make_blinks_and_no_saccades(shared: Callable[[str], Path]) -> None:
-    from tracker_bridge.sources import open_source
+    from entoptic.tracker_bridge.sources import open_source
 
     events = detect(open_source(str(shared("eye/pupil_core/capture_3_6"))))
     assert sum(event.kind == "blink" for event in events) >= 20  # about 12 of both eyes

@@ -15,10 +15,10 @@ from bridges import (
     times,
 )
 
-from services import event_feed
-from services.reader import StateReader
-from tracker_bridge import replay, wire
-from tracker_bridge.events import Event, SourceSilent
+from entoptic.services import event_feed
+from entoptic.services.reader import StateReader
+from entoptic.tracker_bridge import replay, wire
+from entoptic.tracker_bridge.events import Event, SourceSilent
 
 
 def test_no_event_is_lost_to_a_reader_that_stalls(bridge: Bridge, connect: Callable[..., StateReader]) -> None:

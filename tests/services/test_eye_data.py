@@ -2,8 +2,8 @@
 
 import pytest
 
-from services.eye_data import open_eyes
-from tracker_bridge.source import SourceError
+from entoptic.services.eye_data import open_eyes
+from entoptic.tracker_bridge.source import SourceError
 
 
 @pytest.mark.parametrize("spec", ["capture", "usb", "my_recording/", "usb-simulated:my_recording/"])

@@ -14,25 +14,25 @@ import numpy as np
 import pytest
 import structlog
 
-from pipeline import Display, Encoding, FrameError, RenderState, View
-from pipeline.budget import SHIPPED
-from pipeline.optics.living import Kick
-from pipeline.scenes import Head, open_scene
-from pipeline.sinks.video_parts import Part
-from services.live.messages import LatencyMs
-from services.options import Save
-from services.results import finish as takes
-from services.results import kept
-from services.results.frames import Results
-from services.results.moments import Moment, Moments, MomentsError
-from services.results.tally import Heard
-from services.settings import Settings
-from services.worker import again as render_again
-from services.worker.checkpoint import Checkpoint, Job, Keeper
-from services.worker.offline import begin
-from services.worker.rendering import Rendering
-from services.worker.take import WorkerTake
-from tracker_bridge.wire import Direction, Eye, EyeState, OneEyeState, Phase
+from entoptic.pipeline import Display, Encoding, FrameError, RenderState, View
+from entoptic.pipeline.budget import SHIPPED
+from entoptic.pipeline.optics.living import Kick
+from entoptic.pipeline.scenes import Head, open_scene
+from entoptic.pipeline.sinks.video_parts import Part
+from entoptic.services.live.messages import LatencyMs
+from entoptic.services.options import Save
+from entoptic.services.results import finish as takes
+from entoptic.services.results import kept
+from entoptic.services.results.frames import Results
+from entoptic.services.results.moments import Moment, Moments, MomentsError
+from entoptic.services.results.tally import Heard
+from entoptic.services.settings import Settings
+from entoptic.services.worker import again as render_again
+from entoptic.services.worker.checkpoint import Checkpoint, Job, Keeper
+from entoptic.services.worker.offline import begin
+from entoptic.services.worker.rendering import Rendering
+from entoptic.services.worker.take import WorkerTake
+from entoptic.tracker_bridge.wire import Direction, Eye, EyeState, OneEyeState, Phase
 
 FPS = 20.0
 LEFT_OUT = ["acuity", "night_colour", "rod_noise"]  # each takes seconds to compile

@@ -3,8 +3,8 @@ from pathlib import Path
 
 import pytest
 
-from services.live import journal as journals
-from services.live.journal import Journal
+from entoptic.services.live import journal as journals
+from entoptic.services.live.journal import Journal
 
 
 def lines(path: Path) -> list[dict[str, object]]:

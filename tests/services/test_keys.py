@@ -12,14 +12,14 @@ import zmq
 from typer.testing import CliRunner
 from zmq.utils.monitor import recv_monitor_message
 
-from services import keys
-from services.commands.keys import keys as command
-from services.keys import KeysError
-from services.reader import ShutOutError, StateReader
-from tracker_bridge.access import ClientKeys
-from tracker_bridge.events import Heartbeat, StreamStarted
-from tracker_bridge.publisher import Publisher
-from tracker_bridge.samples import EyeState, OneEyeState, Phase
+from entoptic.services import keys
+from entoptic.services.commands.keys import keys as command
+from entoptic.services.keys import KeysError
+from entoptic.services.reader import ShutOutError, StateReader
+from entoptic.tracker_bridge.access import ClientKeys
+from entoptic.tracker_bridge.events import Heartbeat, StreamStarted
+from entoptic.tracker_bridge.publisher import Publisher
+from entoptic.tracker_bridge.samples import EyeState, OneEyeState, Phase
 
 ANY = "tcp://127.0.0.1:*"
 PATIENCE_MS = 20_000

@@ -11,16 +11,25 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pipeline import Frame, Glare, GlareLevel, GlareModel, Looking, Perceived, Planning, RenderState, perceive
-from pipeline.effects.glare.kernel import Mixture, component
-from pipeline.sinks.images import write_exr
-from services.live import messages
-from services.live.messages import EngineFrame, EngineKernel, EyeShown, LatencyMs, MessageError, Picture, Shown, decode
-from services.settings import Settings
-from services.worker.engine import LEAST_STEP, Held, KernelNumbers, engine_frame, engine_kernel
-from services.worker.publish import LivePublisher
-from services.worker.rendering import Rendered
-from tracker_bridge.wire import Eye
+from entoptic.pipeline import Frame, Glare, GlareLevel, GlareModel, Looking, Perceived, Planning, RenderState, perceive
+from entoptic.pipeline.effects.glare.kernel import Mixture, component
+from entoptic.pipeline.sinks.images import write_exr
+from entoptic.services.live import messages
+from entoptic.services.live.messages import (
+    EngineFrame,
+    EngineKernel,
+    EyeShown,
+    LatencyMs,
+    MessageError,
+    Picture,
+    Shown,
+    decode,
+)
+from entoptic.services.settings import Settings
+from entoptic.services.worker.engine import LEAST_STEP, Held, KernelNumbers, engine_frame, engine_kernel
+from entoptic.services.worker.publish import LivePublisher
+from entoptic.services.worker.rendering import Rendered
+from entoptic.tracker_bridge.wire import Eye
 
 EXAMPLE = Path(__file__).parents[2] / "examples" / "engine_consumer.py"
 KINDS = (Picture, Shown, EngineFrame, EngineKernel)

@@ -10,17 +10,17 @@ import numpy as np
 import pytest
 import zmq
 
-from pipeline import Frame, Glare, GlareLevel, GlareModel, Looking, Planning, as_displayed, perceive
-from services import keys
-from services.live import messages
-from services.live.messages import EngineFrame, EngineKernel, LatencyMs, MessageError, Picture, Shown, decode
-from services.settings import Settings
-from services.worker import publish
-from services.worker.publish import QUEUE, LivePublisher
-from services.worker.rendering import Rendered
-from tracker_bridge.access import ClientKeys, OpenAddressError
-from tracker_bridge.publisher import PortInUseError
-from tracker_bridge.wire import Eye, EyeState, OneEyeState, Phase
+from entoptic.pipeline import Frame, Glare, GlareLevel, GlareModel, Looking, Planning, as_displayed, perceive
+from entoptic.services import keys
+from entoptic.services.live import messages
+from entoptic.services.live.messages import EngineFrame, EngineKernel, LatencyMs, MessageError, Picture, Shown, decode
+from entoptic.services.settings import Settings
+from entoptic.services.worker import publish
+from entoptic.services.worker.publish import QUEUE, LivePublisher
+from entoptic.services.worker.rendering import Rendered
+from entoptic.tracker_bridge.access import ClientKeys, OpenAddressError
+from entoptic.tracker_bridge.publisher import PortInUseError
+from entoptic.tracker_bridge.wire import Eye, EyeState, OneEyeState, Phase
 
 ANY = "tcp://127.0.0.1:*"
 PATIENCE_MS = 20_000

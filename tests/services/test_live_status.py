@@ -1,4 +1,4 @@
-from services.live.status import Found
+from entoptic.services.live.status import Found
 
 
 def test_a_silent_tracker_is_wrong_whoever_says_it() -> None:

@@ -2,7 +2,7 @@ import runpy
 import tomllib
 from pathlib import Path
 
-from services.settings import load
+from entoptic.services.settings import load
 
 SCRIPT = Path(__file__).parents[2] / "docs" / "observer_file.py"
 

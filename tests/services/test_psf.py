@@ -15,14 +15,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 from rich.console import Console
 
-from pipeline import GlareModel, Iris, Observer
-from pipeline.frame import LUMINANCE_WEIGHTS
-from pipeline.optics import analytic, radial
-from pipeline.optics.aperture import Pose
-from services.psf import film, layout, observer_file, profile, results, sheets
-from services.psf.picture import SCALE, Scale, displayed, radiance
-from services.psf.subject import Subject
-from services.settings import Settings, SettingsError, load
+from entoptic.pipeline import GlareModel, Iris, Observer
+from entoptic.pipeline.frame import LUMINANCE_WEIGHTS
+from entoptic.pipeline.optics import analytic, radial
+from entoptic.pipeline.optics.aperture import Pose
+from entoptic.services.psf import film, layout, observer_file, profile, results, sheets
+from entoptic.services.psf.picture import SCALE, Scale, displayed, radiance
+from entoptic.services.psf.subject import Subject
+from entoptic.services.settings import Settings, SettingsError, load
 
 CLEAR = Observer(particles=0, gratings=0, cornea_cells=0, vitreous_particles=0)
 AIRY = Subject(CLEAR, Pose(5.0))

@@ -10,19 +10,19 @@ import pytest
 import zmq
 from screen_program import ScreenProgram
 
-from services import keys as key_files
-from services.bridge.pupil_calibration import WORKING_OUT, PupilCalibration
-from services.calibration.display import READY_WORDS, SocketDisplay
-from services.live.requests import CalibratePupils
-from tracker_bridge import pupil_map
-from tracker_bridge.access import OpenAddressError
-from tracker_bridge.chain import Chain
-from tracker_bridge.publisher import Publisher
-from tracker_bridge.pupil_map import PupilMap
-from tracker_bridge.samples import NS_PER_S, Eye, EyeState, Phase, PupilSample
-from tracker_bridge.source import Item, Tick
-from tracker_bridge.sources.simulated import SimulatedSettings
-from tracker_bridge.sources.simulated_live import SimulatedLiveEyes
+from entoptic.services import keys as key_files
+from entoptic.services.bridge.pupil_calibration import WORKING_OUT, PupilCalibration
+from entoptic.services.calibration.display import READY_WORDS, SocketDisplay
+from entoptic.services.live.requests import CalibratePupils
+from entoptic.tracker_bridge import pupil_map
+from entoptic.tracker_bridge.access import OpenAddressError
+from entoptic.tracker_bridge.chain import Chain
+from entoptic.tracker_bridge.publisher import Publisher
+from entoptic.tracker_bridge.pupil_map import PupilMap
+from entoptic.tracker_bridge.samples import NS_PER_S, Eye, EyeState, Phase, PupilSample
+from entoptic.tracker_bridge.source import Item, Tick
+from entoptic.tracker_bridge.sources.simulated import SimulatedSettings
+from entoptic.tracker_bridge.sources.simulated_live import SimulatedLiveEyes
 
 ANY = "tcp://127.0.0.1:*"
 PATIENCE_S = 30.0

@@ -5,11 +5,11 @@ from pathlib import Path
 
 import pytest
 
-from services.bridge import pupil_outcome
-from services.bridge.pupil_outcome import Concluding, Job, Outcome
-from services.calibration.run import Recorded
-from tracker_bridge.calibration import Stage, robust
-from tracker_bridge.samples import Eye
+from entoptic.services.bridge import pupil_outcome
+from entoptic.services.bridge.pupil_outcome import Concluding, Job, Outcome
+from entoptic.services.calibration.run import Recorded
+from entoptic.tracker_bridge.calibration import Stage, robust
+from entoptic.tracker_bridge.samples import Eye
 
 
 def outcome_of(concluding: Concluding) -> Outcome:

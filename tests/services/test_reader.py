@@ -20,11 +20,11 @@ from bridges import (
     times,
 )
 
-from services import reader as reading
-from services.reader import BridgeRestartedError, BridgeSilentError, StateReader
-from tracker_bridge import wire
-from tracker_bridge.events import StreamEnded, StreamStarted
-from tracker_bridge.samples import EyeState
+from entoptic.services import reader as reading
+from entoptic.services.reader import BridgeRestartedError, BridgeSilentError, StateReader
+from entoptic.tracker_bridge import wire
+from entoptic.tracker_bridge.events import StreamEnded, StreamStarted
+from entoptic.tracker_bridge.samples import EyeState
 
 
 def test_a_slow_reader_by_recorded_time_gets_every_state(bridge: Bridge, connect: Callable[..., StateReader]) -> None:

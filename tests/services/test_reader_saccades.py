@@ -7,16 +7,16 @@ from collections.abc import Callable
 import pytest
 from bridges import MS, PATIENCE_S, Bridge, LossyBridge, never, started_reader, state, subscribed
 
-from services import event_feed
-from services.reader import BridgeSilentError, StateReader
-from services.worker.rendering import kicks_of, looking_of
-from tracker_bridge import bridge as eye_side
-from tracker_bridge import replay, wire
-from tracker_bridge.chain import Chain, Lane, records_of
-from tracker_bridge.events import Event, SaccadeKind, SaccadeOffset, StreamEnded
-from tracker_bridge.samples import Eye, EyeState, OneEyeState, Phase
-from tracker_bridge.sources import open_source
-from tracker_bridge.sources.simulated import SimulatedSettings
+from entoptic.services import event_feed
+from entoptic.services.reader import BridgeSilentError, StateReader
+from entoptic.services.worker.rendering import kicks_of, looking_of
+from entoptic.tracker_bridge import bridge as eye_side
+from entoptic.tracker_bridge import replay, wire
+from entoptic.tracker_bridge.chain import Chain, Lane, records_of
+from entoptic.tracker_bridge.events import Event, SaccadeKind, SaccadeOffset, StreamEnded
+from entoptic.tracker_bridge.samples import Eye, EyeState, OneEyeState, Phase
+from entoptic.tracker_bridge.sources import open_source
+from entoptic.tracker_bridge.sources.simulated import SimulatedSettings
 
 
 def saccade(t_ms: int, azimuth_deg: float = 3.0, *, offset_ms: int | None = None) -> SaccadeOffset:

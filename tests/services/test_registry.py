@@ -6,11 +6,11 @@ from pathlib import Path
 
 import pytest
 
-from services.live.registry import Registration, RunningHost, running
+from entoptic.services.live.registry import Registration, RunningHost, running
 
 OTHER = """
 import os, time
-from services.live.registry import Registration, RunningHost
+from entoptic.services.live.registry import Registration, RunningHost
 kept = Registration(RunningHost(os.getpid(), "tcp://127.0.0.1:1", "now"))
 print("there", flush=True)
 time.sleep(60)

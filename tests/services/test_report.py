@@ -6,15 +6,15 @@ from typing import Any
 
 import pytest
 
-from services.live import takes
-from services.live.checked import check
-from services.live.choice import SessionChoice
-from services.live.supervision import Gap
-from services.report.plots import NOT_TRACKING
-from services.results import session_file
-from services.results.finish import finish
-from services.results.whole import write_json
-from tracker_bridge.wire import Phase
+from entoptic.services.live import takes
+from entoptic.services.live.checked import check
+from entoptic.services.live.choice import SessionChoice
+from entoptic.services.live.supervision import Gap
+from entoptic.services.report.plots import NOT_TRACKING
+from entoptic.services.results import session_file
+from entoptic.services.results.finish import finish
+from entoptic.services.results.whole import write_json
+from entoptic.tracker_bridge.wire import Phase
 
 
 def test_every_phase_in_which_a_pupil_is_not_tracked_is_shaded() -> None:

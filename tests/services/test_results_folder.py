@@ -2,7 +2,7 @@ from pathlib import Path
 
 import pytest
 
-from services.results.folder import ResultsFolderError, keep, refuse_foreign, results_folder
+from entoptic.services.results.folder import ResultsFolderError, keep, refuse_foreign, results_folder
 
 
 def files(folder: Path) -> dict[str, str]:

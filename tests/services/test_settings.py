@@ -3,8 +3,8 @@ from pathlib import Path
 
 import pytest
 
-from pipeline import Glare, GlareLevel, GlareModel
-from services.settings import Settings, SettingsError, load
+from entoptic.pipeline import Glare, GlareLevel, GlareModel
+from entoptic.services.settings import Settings, SettingsError, load
 
 
 def written(folder: Path, text: str) -> Path:

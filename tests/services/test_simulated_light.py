@@ -2,9 +2,9 @@ from pathlib import Path
 
 import pytest
 
-from pipeline.scenes import open_scene
-from services import simulated_light
-from tracker_bridge.source import SourceError
+from entoptic.pipeline.scenes import open_scene
+from entoptic.services import simulated_light
+from entoptic.tracker_bridge.source import SourceError
 
 
 def test_a_number_is_that_luminance_for_ever() -> None:

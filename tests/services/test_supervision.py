@@ -1,4 +1,4 @@
-from services.live.supervision import FIRST_S, LONGEST_S, MOST, WINDOW_S, WORKED_S, Gap, Restarts
+from entoptic.services.live.supervision import FIRST_S, LONGEST_S, MOST, WINDOW_S, WORKED_S, Gap, Restarts
 
 
 def after(*crashes: tuple[float, float, float | None]) -> Restarts:

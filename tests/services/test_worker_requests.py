@@ -12,22 +12,22 @@ import pytest
 import structlog
 import zmq
 
-from pipeline import View
-from pipeline.budget import SHIPPED
-from pipeline.scenes import Head, open_scene
-from pipeline.scenes.head_path import open_head_path
-from pipeline.sinks.images import write_exr
-from services.control import Reply, ask
-from services.live.requests import BeginTake, EndTake, GiveStatus, Perceive
-from services.reader import StateReader
-from services.results.moments import Moment, Moments
-from services.results.tally import WorkerSummary
-from services.settings import Settings
-from services.worker.checkpoint import Checkpoint, Job, Keeper
-from services.worker.live import LiveWorker, LiveWorkerSettings
-from services.worker.rendering import Rendering
-from services.worker.requests import WorkerRequests
-from tracker_bridge.wire import Eye
+from entoptic.pipeline import View
+from entoptic.pipeline.budget import SHIPPED
+from entoptic.pipeline.scenes import Head, open_scene
+from entoptic.pipeline.scenes.head_path import open_head_path
+from entoptic.pipeline.sinks.images import write_exr
+from entoptic.services.control import Reply, ask
+from entoptic.services.live.requests import BeginTake, EndTake, GiveStatus, Perceive
+from entoptic.services.reader import StateReader
+from entoptic.services.results.moments import Moment, Moments
+from entoptic.services.results.tally import WorkerSummary
+from entoptic.services.settings import Settings
+from entoptic.services.worker.checkpoint import Checkpoint, Job, Keeper
+from entoptic.services.worker.live import LiveWorker, LiveWorkerSettings
+from entoptic.services.worker.rendering import Rendering
+from entoptic.services.worker.requests import WorkerRequests
+from entoptic.tracker_bridge.wire import Eye
 
 ANY = "tcp://127.0.0.1:*"
 NOBODY = "tcp://127.0.0.1:9"

@@ -29,7 +29,7 @@ class Console:
         self.url = f"http://127.0.0.1:{self.port}/"
         self.folder = folder
         self.environment = {**os.environ, "XDG_STATE_HOME": str(folder / "state")}
-        command = [sys.executable, "-m", "services.cli", "console", "--port", str(self.port)]
+        command = [sys.executable, "-m", "entoptic", "console", "--port", str(self.port)]
         command += ["--root", str(folder / "sessions"), "--observers", str(folder / "observers")]
         self.log = folder / "console.log"
         with self.log.open("wb") as log:
@@ -49,7 +49,7 @@ class Console:
 
     def pid_of(self, name: str) -> int:
         """Of one of its processes."""
-        command = [sys.executable, "-m", "services.cli", "status", "--json"]
+        command = [sys.executable, "-m", "entoptic", "status", "--json"]
         said = subprocess.run(command, capture_output=True, env=self.environment, check=False, timeout=60).stdout
         (host,) = json.loads(said)
         return int(host["said"]["processes"][name]["pid"])

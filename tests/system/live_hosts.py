@@ -16,18 +16,18 @@ import av
 import msgspec
 import zmq
 
-from services.control import ControlError, Reply, ask
-from services.live.choice import SessionChoice
-from services.live.registry import RunningHost
-from services.live.requests import GiveStatus, StartSession
-from services.results.moments import FILE as MOMENTS
-from services.results.moments import Moment, Moments, Resumed
-from tracker_bridge.sources.recording import open_recording
+from entoptic.services.control import ControlError, Reply, ask
+from entoptic.services.live.choice import SessionChoice
+from entoptic.services.live.registry import RunningHost
+from entoptic.services.live.requests import GiveStatus, StartSession
+from entoptic.services.results.moments import FILE as MOMENTS
+from entoptic.services.results.moments import Moment, Moments, Resumed
+from entoptic.tracker_bridge.sources.recording import open_recording
 
 SMALL = {"width": 90, "height": 100, "fps": 20.0}
 PATIENCE_S = 150.0
 """A machine that does much else compiles slowly."""
-CLI = [sys.executable, "-m", "services.cli"]
+CLI = [sys.executable, "-m", "entoptic"]
 
 
 def until(condition: Callable[[], Any], what: str, within_s: float = PATIENCE_S) -> Any:

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 import zmq
 
-from services import cli
+from entoptic.services import cli
 
 
 class Done:

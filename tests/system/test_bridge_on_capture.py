@@ -12,13 +12,13 @@ from pathlib import Path
 
 import pytest
 
-from services.control import tell
-from services.live.requests import StartRecording
-from services.reader import StateReader
-from tracker_bridge.events import SourceBack, SourceSilent, TaskOutcome, TrackerTask
-from tracker_bridge.samples import PupilSample
-from tracker_bridge.sources import open_source
-from tracker_bridge.wire import Event, EyeState, Phase
+from entoptic.services.control import tell
+from entoptic.services.live.requests import StartRecording
+from entoptic.services.reader import StateReader
+from entoptic.tracker_bridge.events import SourceBack, SourceSilent, TaskOutcome, TrackerTask
+from entoptic.tracker_bridge.samples import PupilSample
+from entoptic.tracker_bridge.sources import open_source
+from entoptic.tracker_bridge.wire import Event, EyeState, Phase
 
 PATIENCE_S = 90.0
 
@@ -32,9 +32,7 @@ def free_port() -> int:
 @contextlib.contextmanager
 def entoptic(*arguments: str, log: Path) -> Iterator[subprocess.Popen[bytes]]:
     with log.open("wb") as stderr:
-        process = subprocess.Popen(
-            [sys.executable, "-m", "services.cli", *arguments], stdin=subprocess.PIPE, stderr=stderr
-        )
+        process = subprocess.Popen([sys.executable, "-m", "entoptic", *arguments], stdin=subprocess.PIPE, stderr=stderr)
         try:
             yield process
         finally:

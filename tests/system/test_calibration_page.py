@@ -26,13 +26,13 @@ from starlette.routing import Mount
 from websockets.exceptions import ConnectionClosed
 from websockets.sync.client import ClientConnection, connect
 
-from services.bridge.pupil_calibration import PupilCalibration
-from services.calibration.display import READY_WORDS, Request, SocketDisplay
-from services.calibration.page import PageServer, Screens
-from services.calibration.run import CalibrationRun, Recorded, Room, follow, items_now, simulated_eyes
-from services.live.requests import CalibratePupils
-from tracker_bridge.calibration import Protocol, Screen, Stage, Statistic, Step
-from tracker_bridge.publisher import PortInUseError
+from entoptic.services.bridge.pupil_calibration import PupilCalibration
+from entoptic.services.calibration.display import READY_WORDS, Request, SocketDisplay
+from entoptic.services.calibration.page import PageServer, Screens
+from entoptic.services.calibration.run import CalibrationRun, Recorded, Room, follow, items_now, simulated_eyes
+from entoptic.services.live.requests import CalibratePupils
+from entoptic.tracker_bridge.calibration import Protocol, Screen, Stage, Statistic, Step
+from entoptic.tracker_bridge.publisher import PortInUseError
 
 QUICK = Protocol(
     "quick", (Step(Screen.WHITE, 1.5, 0.5), Step(Screen.BLACK, 1.5, 0.5)), Statistic.MEDIAN, must_settle=False

@@ -25,9 +25,9 @@ from ruamel.yaml import YAML
 from websockets.exceptions import ConnectionClosed
 from websockets.sync.client import connect
 
-from services.console import protocol
-from services.live.addresses import free_addresses
-from services.process import cache_folder
+from entoptic.services.console import protocol
+from entoptic.services.live.addresses import free_addresses
+from entoptic.services.process import cache_folder
 
 ROOT = Path(__file__).parents[2]
 GIVE_UP_S = 150.0
@@ -72,7 +72,7 @@ class Machine:
         self.processes: dict[str, subprocess.Popen[bytes]] = {}
         self._logs: dict[str, IO[bytes]] = {}
         subprocess.run(
-            [sys.executable, "-m", "services.cli", *self._arguments("keys")], check=True, cwd=ROOT, capture_output=True
+            [sys.executable, "-m", "entoptic", *self._arguments("keys")], check=True, cwd=ROOT, capture_output=True
         )
         for name in services():
             self._give_keys(name)
@@ -95,7 +95,7 @@ class Machine:
         assert process.poll() is None, f"{name} ended\n{self.said()}"
         kind, program, *arguments = services()[name]["healthcheck"]["test"]
         assert kind == "CMD"
-        command = {"entoptic": [sys.executable, "-m", "services.cli"], "python": [sys.executable]}[program]
+        command = {"entoptic": [sys.executable, "-m", "entoptic"], "python": [sys.executable]}[program]
         done = subprocess.run(
             [*command, *(self._here(each, name) for each in arguments)],
             env=self._environment(name),
@@ -135,7 +135,7 @@ class Machine:
     def _start(self, name: str) -> None:
         self._logs[name] = (self._folder / f"{name}.log").open("wb")
         self.processes[name] = subprocess.Popen(
-            [sys.executable, "-m", "services.cli", *self._arguments(name)],
+            [sys.executable, "-m", "entoptic", *self._arguments(name)],
             env=self._environment(name),
             cwd=ROOT,
             stdin=subprocess.DEVNULL,

@@ -11,8 +11,8 @@ from pathlib import Path
 import pytest
 from live_hosts import SMALL, LiveHost, alive, frames_of, hears_frames, live_host, ports_are_free, until
 
-from services.live.choice import SessionChoice
-from services.live.requests import Record, StartSession, StopRecord, StopSession
+from entoptic.services.live.choice import SessionChoice
+from entoptic.services.live.requests import Record, StartSession, StopRecord, StopSession
 
 ENDS_WITHIN_S = 2.5
 """Two seconds are promised, of which a host uses 1.8; the rest is for the interpreter's own end while other tests keep

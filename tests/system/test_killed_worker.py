@@ -11,20 +11,20 @@ from typing import Any
 
 import pytest
 
-from services.control import ControlError, Reply, ask
-from services.live.addresses import free_addresses
-from services.live.requests import BeginTake, EndTake, GiveStatus, Perceive
-from services.options import Save
-from services.results import finish as takes
-from services.results.moments import Moment, Moments, Resumed
-from services.results.moments import Perceive as PerceiveRecord
-from services.worker.again import run as render_again
+from entoptic.services.control import ControlError, Reply, ask
+from entoptic.services.live.addresses import free_addresses
+from entoptic.services.live.requests import BeginTake, EndTake, GiveStatus, Perceive
+from entoptic.services.options import Save
+from entoptic.services.results import finish as takes
+from entoptic.services.results.moments import Moment, Moments, Resumed
+from entoptic.services.results.moments import Perceive as PerceiveRecord
+from entoptic.services.worker.again import run as render_again
 
 PATIENCE_S = 180.0
 
 
 def started(*arguments: str) -> subprocess.Popen[bytes]:
-    command = [sys.executable, "-m", "services.cli", *arguments, "--child"]
+    command = [sys.executable, "-m", "entoptic", *arguments, "--child"]
     return subprocess.Popen(command, stdin=subprocess.PIPE, stderr=subprocess.DEVNULL)
 
 

@@ -15,13 +15,13 @@ from typing import Any
 import pytest
 import zmq
 
-from services.control import ask, tell
-from services.live.messages import SHOWN, EyeShown, Shown, encode
-from services.live.requests import BeginTake, CalibratePupils, EndTake, GiveStatus
-from services.reader import StateReader
-from tracker_bridge.samples import Eye, GazeSample, PupilSample
-from tracker_bridge.sources import open_source
-from tracker_bridge.sources.pupil_recorder import PupilRecorder
+from entoptic.services.control import ask, tell
+from entoptic.services.live.messages import SHOWN, EyeShown, Shown, encode
+from entoptic.services.live.requests import BeginTake, CalibratePupils, EndTake, GiveStatus
+from entoptic.services.reader import StateReader
+from entoptic.tracker_bridge.samples import Eye, GazeSample, PupilSample
+from entoptic.tracker_bridge.sources import open_source
+from entoptic.tracker_bridge.sources.pupil_recorder import PupilRecorder
 
 PATIENCE_S = 90.0
 LASTS_S = 60
@@ -32,7 +32,7 @@ class Running:
     """A bridge process that is ready."""
 
     def __init__(self, *options: object, files_of_bytes: int | None = None) -> None:
-        command = [sys.executable, "-m", "services.cli", "bridge", "--live", "--child", *map(str, options)]
+        command = [sys.executable, "-m", "entoptic", "bridge", "--live", "--child", *map(str, options)]
 
         def limit() -> None:
             if files_of_bytes is not None:

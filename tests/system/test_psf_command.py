@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from services import cli
-from services.settings import load
+from entoptic.services import cli
+from entoptic.services.settings import load
 
 SMALL = ("psf", "--size-px", "101", "--wavelengths", "6")
 
@@ -38,7 +38,7 @@ def entoptic(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.Cap
 def test_an_eye_is_shown_saved_and_taken_up_again(tmp_path: Path, entoptic: Done) -> None:
     tuned = ("--pupil-mm", "6", "--age", "61", "--iris", "blue", "--particles", "2000", "--seed", "5")
     done = subprocess.run(
-        [sys.executable, "-m", "services.cli", *SMALL, *tuned, "--out", "one", "--save-observer", "my_eye.toml"],
+        [sys.executable, "-m", "entoptic", *SMALL, *tuned, "--out", "one", "--save-observer", "my_eye.toml"],
         cwd=tmp_path,
         capture_output=True,
         text=True,

@@ -18,7 +18,7 @@ SMALL = ("--width", "90", "--height", "100", "--fps", "20", "--eyes", "both")
 
 def session(*arguments: str, cwd: Path) -> subprocess.CompletedProcess[str]:
     return subprocess.run(
-        [sys.executable, "-m", "services.cli", "session", *SMALL, *arguments],
+        [sys.executable, "-m", "entoptic", "session", *SMALL, *arguments],
         cwd=cwd,
         capture_output=True,
         text=True,
@@ -51,7 +51,7 @@ lashes = true
 def children_of(folder: Path) -> list[str]:
     """Command lines of processes that still work on a session in this folder."""
     listed = subprocess.run(["ps", "-ewwo", "args"], capture_output=True, text=True, check=True).stdout
-    return [line for line in listed.splitlines() if str(folder) in line and "services.cli" in line]
+    return [line for line in listed.splitlines() if str(folder) in line and "entoptic.services.cli" in line]
 
 
 def test_a_session_end_to_end_and_the_same_again(tmp_path: Path) -> None:
@@ -136,7 +136,7 @@ def test_a_live_session_keeps_the_clock_and_says_what_it_dropped(tmp_path: Path)
 
 def started(tmp_path: Path, *arguments: str) -> subprocess.Popen[str]:
     return subprocess.Popen(
-        [sys.executable, "-m", "services.cli", "session", *SMALL, "--out", str(tmp_path / "out"), *arguments],
+        [sys.executable, "-m", "entoptic", "session", *SMALL, "--out", str(tmp_path / "out"), *arguments],
         cwd=tmp_path,
         stderr=subprocess.PIPE,
         text=True,

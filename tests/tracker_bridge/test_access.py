@@ -8,8 +8,8 @@ import zmq
 from zmq.utils import z85
 from zmq.utils.monitor import recv_monitor_message
 
-from tracker_bridge import access
-from tracker_bridge.access import ClientKeys, OpenAddressError, ServerKeys
+from entoptic.tracker_bridge import access
+from entoptic.tracker_bridge.access import ClientKeys, OpenAddressError, ServerKeys
 
 
 @pytest.mark.parametrize(

@@ -4,13 +4,13 @@ import threading
 import time
 from collections.abc import Iterator
 
-from services.reader import StateReader
-from tracker_bridge import bridge
-from tracker_bridge.chain import Chain
-from tracker_bridge.events import BlinkOnset, Event, SourceBack, SourceSilent, StreamEnded, StreamStarted
-from tracker_bridge.publisher import Publisher
-from tracker_bridge.samples import Eye, EyeState, GazeSample, PupilSample
-from tracker_bridge.source import Item, SourceInfo, Tick
+from entoptic.services.reader import StateReader
+from entoptic.tracker_bridge import bridge
+from entoptic.tracker_bridge.chain import Chain
+from entoptic.tracker_bridge.events import BlinkOnset, Event, SourceBack, SourceSilent, StreamEnded, StreamStarted
+from entoptic.tracker_bridge.publisher import Publisher
+from entoptic.tracker_bridge.samples import Eye, EyeState, GazeSample, PupilSample
+from entoptic.tracker_bridge.source import Item, SourceInfo, Tick
 
 MS = 1_000_000
 

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tracker_bridge.calibration import (
+from entoptic.tracker_bridge.calibration import (
     LATE_SAMPLES_NS,
     PAUSED_SAMPLES,
     SHOWN_WITHIN_NS,
@@ -20,7 +20,7 @@ from tracker_bridge.calibration import (
     luidolt,
     robust,
 )
-from tracker_bridge.samples import NS_PER_S, Eye, PupilSample
+from entoptic.tracker_bridge.samples import NS_PER_S, Eye, PupilSample
 
 FRAME_NS = 16_000_000
 

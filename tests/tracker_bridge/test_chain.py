@@ -7,12 +7,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from tracker_bridge import wire
-from tracker_bridge.chain import Chain, records_of
-from tracker_bridge.dropout import SLEW_MM_S
-from tracker_bridge.events import ClockEstimated, ClockJumped, Event, PupilBack, PupilLost, SourceSilent
-from tracker_bridge.samples import Eye, EyeState, GazeSample, Phase, PupilSample
-from tracker_bridge.source import Item, Tick
+from entoptic.tracker_bridge import wire
+from entoptic.tracker_bridge.chain import Chain, records_of
+from entoptic.tracker_bridge.dropout import SLEW_MM_S
+from entoptic.tracker_bridge.events import ClockEstimated, ClockJumped, Event, PupilBack, PupilLost, SourceSilent
+from entoptic.tracker_bridge.samples import Eye, EyeState, GazeSample, Phase, PupilSample
+from entoptic.tracker_bridge.source import Item, Tick
 
 MS = 1_000_000
 

@@ -3,8 +3,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from tracker_bridge.clock import ArrivalClock, RoundTripClock
-from tracker_bridge.events import ClockEstimated, ClockJumped
+from entoptic.tracker_bridge.clock import ArrivalClock, RoundTripClock
+from entoptic.tracker_bridge.events import ClockEstimated, ClockJumped
 
 S = 1_000_000_000
 MS = 1_000_000

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from tracker_bridge.course import FADE_S, Course
-from tracker_bridge.trust import IRIS_SPEED_PER_S
+from entoptic.tracker_bridge.course import FADE_S, Course
+from entoptic.tracker_bridge.trust import IRIS_SPEED_PER_S
 
 STEP_NS = 5_000_000
 

@@ -7,10 +7,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tracker_bridge.absence import LOST_AFTER_NS, MIN_COVER_NS
-from tracker_bridge.dropout import SILENT_AFTER_NS, DropoutFilter, Shown
-from tracker_bridge.events import BlinkOffset, BlinkOnset, Event, PupilBack, PupilLost
-from tracker_bridge.samples import Eye, Phase, PupilSample
+from entoptic.tracker_bridge.absence import LOST_AFTER_NS, MIN_COVER_NS
+from entoptic.tracker_bridge.dropout import SILENT_AFTER_NS, DropoutFilter, Shown
+from entoptic.tracker_bridge.events import BlinkOffset, BlinkOnset, Event, PupilBack, PupilLost
+from entoptic.tracker_bridge.samples import Eye, Phase, PupilSample
 
 STEP_NS = 5_000_000
 

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from tracker_bridge.engbert_kliegl import (
+from entoptic.tracker_bridge.engbert_kliegl import (
     Movement,
     binocular,
     excess,

@@ -8,11 +8,11 @@ import pytest
 import scipy.io
 from numpy.typing import NDArray
 
-from services.event_scores import Scores, Span, compare
-from tracker_bridge.dropout import DropoutFilter
-from tracker_bridge.events import BlinkOffset
-from tracker_bridge.samples import Eye, PupilSample
-from tracker_bridge.sources import open_source
+from entoptic.services.event_scores import Scores, Span, compare
+from entoptic.tracker_bridge.dropout import DropoutFilter
+from entoptic.tracker_bridge.events import BlinkOffset
+from entoptic.tracker_bridge.samples import Eye, PupilSample
+from entoptic.tracker_bridge.sources import open_source
 
 Shared = Callable[[str], Path]
 

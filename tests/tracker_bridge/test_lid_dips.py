@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from tracker_bridge.dropout import DropoutFilter
-from tracker_bridge.events import BlinkOffset, BlinkOnset
-from tracker_bridge.lid_dips import LidDips
-from tracker_bridge.samples import Eye, Phase, PupilSample
+from entoptic.tracker_bridge.dropout import DropoutFilter
+from entoptic.tracker_bridge.events import BlinkOffset, BlinkOnset
+from entoptic.tracker_bridge.lid_dips import LidDips
+from entoptic.tracker_bridge.samples import Eye, Phase, PupilSample
 
 STEP_NS = 8_333_333
 

@@ -12,13 +12,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from tracker_bridge.dropout import DropoutFilter
-from tracker_bridge.events import SaccadeKind, SaccadeOffset, SaccadeOnset
-from tracker_bridge.microsaccades import COVERED, SaccadeDetector, SaccadeEvent, angle_deg
-from tracker_bridge.saccade_velocity import MIN_NOISE_NS, NoiseMeter, Place, Velocity, VelocityFilter
-from tracker_bridge.samples import Eye, GazeSample, PupilSample
-from tracker_bridge.sources.simulated import SimulatedEyes, SimulatedSettings
-from tracker_bridge.sources.simulated_truth import TruthEvent
+from entoptic.tracker_bridge.dropout import DropoutFilter
+from entoptic.tracker_bridge.events import SaccadeKind, SaccadeOffset, SaccadeOnset
+from entoptic.tracker_bridge.microsaccades import COVERED, SaccadeDetector, SaccadeEvent, angle_deg
+from entoptic.tracker_bridge.saccade_velocity import MIN_NOISE_NS, NoiseMeter, Place, Velocity, VelocityFilter
+from entoptic.tracker_bridge.samples import Eye, GazeSample, PupilSample
+from entoptic.tracker_bridge.sources.simulated import SimulatedEyes, SimulatedSettings
+from entoptic.tracker_bridge.sources.simulated_truth import TruthEvent
 
 MS = 1_000_000
 

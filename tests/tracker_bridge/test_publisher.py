@@ -10,12 +10,12 @@ from pathlib import Path
 import pytest
 import zmq
 
-from tracker_bridge import publisher as publishing
-from tracker_bridge import wire
-from tracker_bridge.access import OpenAddressError
-from tracker_bridge.events import BlinkOnset, Event, Heartbeat, SourceBack, StreamEnded, StreamStarted
-from tracker_bridge.publisher import SEND_QUEUE, PortInUseError, Publisher
-from tracker_bridge.samples import Direction, Eye, EyeState, OneEyeState, Phase
+from entoptic.tracker_bridge import publisher as publishing
+from entoptic.tracker_bridge import wire
+from entoptic.tracker_bridge.access import OpenAddressError
+from entoptic.tracker_bridge.events import BlinkOnset, Event, Heartbeat, SourceBack, StreamEnded, StreamStarted
+from entoptic.tracker_bridge.publisher import SEND_QUEUE, PortInUseError, Publisher
+from entoptic.tracker_bridge.samples import Direction, Eye, EyeState, OneEyeState, Phase
 
 ANY = "tcp://127.0.0.1:*"
 PATIENCE_MS = 20_000

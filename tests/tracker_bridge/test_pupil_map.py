@@ -8,13 +8,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tracker_bridge import pupil_map
-from tracker_bridge.chain import Chain
-from tracker_bridge.dropout import DropoutFilter
-from tracker_bridge.events import Event
-from tracker_bridge.pupil_map import EyeMap, MappedWindow, PupilMap, PupilMapError, Use
-from tracker_bridge.samples import Eye, EyeState, OneEyeState, Phase, PupilSample
-from tracker_bridge.source import Tick
+from entoptic.tracker_bridge import pupil_map
+from entoptic.tracker_bridge.chain import Chain
+from entoptic.tracker_bridge.dropout import DropoutFilter
+from entoptic.tracker_bridge.events import Event
+from entoptic.tracker_bridge.pupil_map import EyeMap, MappedWindow, PupilMap, PupilMapError, Use
+from entoptic.tracker_bridge.samples import Eye, EyeState, OneEyeState, Phase, PupilSample
+from entoptic.tracker_bridge.source import Tick
 
 WINDOW = MappedWindow("white", 0.0, 4.0, 8.0, 71.25, 0.93, 0.0123)
 

@@ -8,8 +8,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tracker_bridge import replay, wire
-from tracker_bridge.replay import BYTES_A_MESSAGE, EventRing
+from entoptic.tracker_bridge import replay, wire
+from entoptic.tracker_bridge.replay import BYTES_A_MESSAGE, EventRing
 
 
 def ask(ring: EventRing, first: int) -> wire.Answer:

@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from tracker_bridge import wire
-from tracker_bridge.events import (
+from entoptic.tracker_bridge import wire
+from entoptic.tracker_bridge.events import (
     BlinkOffset,
     BlinkOnset,
     ClockEstimated,
@@ -29,7 +29,7 @@ from tracker_bridge.events import (
     TrackerStatus,
     TrackerTask,
 )
-from tracker_bridge.samples import Direction, Eye, EyeState, OneEyeState, Phase
+from entoptic.tracker_bridge.samples import Direction, Eye, EyeState, OneEyeState, Phase
 
 times = st.integers(-(2**63), 2**63 - 1)
 counts = st.integers(0, 2**62)

@@ -35,15 +35,15 @@ from pathlib import Path
 
 import msgspec
 
-from tracker_bridge.source import Source, SourceError
-from tracker_bridge.sources import player_export, recording
-from tracker_bridge.sources.cells import read_header
-from tracker_bridge.sources.player_export import is_player_export, open_player_export
-from tracker_bridge.sources.pupil_remote import DEFAULT_REMOTE
-from tracker_bridge.sources.recording import open_recording
-from tracker_bridge.sources.simulated import SimulatedEyes, SimulatedSettings
-from tracker_bridge.sources.table import open_table
-from tracker_bridge.sources.table_map import read_table_map
+from entoptic.tracker_bridge.source import Source, SourceError
+from entoptic.tracker_bridge.sources import player_export, recording
+from entoptic.tracker_bridge.sources.cells import read_header
+from entoptic.tracker_bridge.sources.player_export import is_player_export, open_player_export
+from entoptic.tracker_bridge.sources.pupil_remote import DEFAULT_REMOTE
+from entoptic.tracker_bridge.sources.recording import open_recording
+from entoptic.tracker_bridge.sources.simulated import SimulatedEyes, SimulatedSettings
+from entoptic.tracker_bridge.sources.table import open_table
+from entoptic.tracker_bridge.sources.table_map import read_table_map
 
 SIMULATED, CAPTURE = "simulated", "capture"
 USB, USB_SIMULATED, USB_FILE = "usb", "usb-simulated:", "usb-file:"
@@ -126,20 +126,20 @@ def _open_tracker(
     if table_map is not None and (spec in (CAPTURE, USB) or spec.startswith(USB_FILE)):
         raise SourceError(f"{spec} takes no column map: leave the map out, or name a table")
     if spec == CAPTURE:
-        from tracker_bridge.sources.pupil_capture import PupilCapture
+        from entoptic.tracker_bridge.sources.pupil_capture import PupilCapture
 
         return PupilCapture(tracker.remote)
     if spec == USB:
-        from tracker_bridge.sources.usb import UsbTracker
+        from entoptic.tracker_bridge.sources.usb import UsbTracker
 
         return UsbTracker(tracker.usb_id, capture=tracker.record_raw)
     if spec.startswith(USB_SIMULATED):
-        from tracker_bridge.sources.usb_simulated import open_usb_simulated
+        from entoptic.tracker_bridge.sources.usb_simulated import open_usb_simulated
 
         played = open_source(spec.removeprefix(USB_SIMULATED), table_map=table_map, simulated=simulated)
         return open_usb_simulated(played, tracker.usb_faults, capture=tracker.record_raw, begun_ns=tracker.usb_begun_ns)
     if spec.startswith(USB_FILE):
-        from tracker_bridge.sources.usb_file import open_usb_file
+        from entoptic.tracker_bridge.sources.usb_file import open_usb_file
 
         return open_usb_file(Path(spec.removeprefix(USB_FILE)))
     return None

@@ -6,7 +6,7 @@ import csv
 from collections.abc import Iterable
 from pathlib import Path
 
-from tracker_bridge.source import SourceError
+from entoptic.tracker_bridge.source import SourceError
 
 MISSING = ("", "NaN", "nan", "NA")
 """Cells that mean "no value", unless a table's map says otherwise."""

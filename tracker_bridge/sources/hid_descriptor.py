@@ -18,7 +18,7 @@ from typing import NamedTuple
 import msgspec
 from msgspec.structs import replace
 
-from tracker_bridge.sources.hid_items import HidDescriptorError, Item, ItemKind, items_of, unit_exponent
+from entoptic.tracker_bridge.sources.hid_items import HidDescriptorError, Item, ItemKind, items_of, unit_exponent
 
 MAX_DESCRIPTOR_BYTES = 0xFFFF
 """wDescriptorLength has 16 bits (HID 1.11, 6.2.1)."""

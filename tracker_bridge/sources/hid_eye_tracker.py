@@ -6,17 +6,17 @@ from collections.abc import Iterable, Mapping
 
 import msgspec
 
-from tracker_bridge.sources.hid_descriptor import ReportKind, parse_report_descriptor
-from tracker_bridge.sources.hid_items import HidDescriptorError
-from tracker_bridge.sources.hid_report import (
+from entoptic.tracker_bridge.sources.hid_descriptor import ReportKind, parse_report_descriptor
+from entoptic.tracker_bridge.sources.hid_items import HidDescriptorError
+from entoptic.tracker_bridge.sources.hid_report import (
     HidReportError,
     ReportLayout,
     length_mm,
     plain,
     report_layouts,
 )
-from tracker_bridge.sources.hid_tracking import MICROMETRE, Point, Tracking, TrackingReader, read_one
-from tracker_bridge.sources.hid_usages import (
+from entoptic.tracker_bridge.sources.hid_tracking import MICROMETRE, Point, Tracking, TrackingReader, read_one
+from entoptic.tracker_bridge.sources.hid_usages import (
     CONFIGURATION_STATUS,
     EYE_TRACKER,
     MODE_EYES,

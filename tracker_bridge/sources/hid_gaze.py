@@ -20,9 +20,9 @@ from __future__ import annotations
 
 import msgspec
 
-from tracker_bridge.samples import Eye, GazeSample, PupilSample, direction_deg
-from tracker_bridge.sources.hid_eye_tracker import Configuration
-from tracker_bridge.sources.hid_tracking import EyeReading, Point, Position, Tracking
+from entoptic.tracker_bridge.samples import Eye, GazeSample, PupilSample, direction_deg
+from entoptic.tracker_bridge.sources.hid_eye_tracker import Configuration
+from entoptic.tracker_bridge.sources.hid_tracking import EyeReading, Point, Position, Tracking
 
 USUAL_DISTANCE_MM = 650.0
 """Viewing distance that makers of remote trackers recommend (Tobii: 65 cm)."""

@@ -11,8 +11,8 @@ from collections.abc import Iterable, Mapping, Sequence
 
 import msgspec
 
-from tracker_bridge.sources.hid_descriptor import CONSTANT, VARIABLE, MainItem, ReportDescriptor, ReportKind
-from tracker_bridge.sources.hid_items import HidDescriptorError
+from entoptic.tracker_bridge.sources.hid_descriptor import CONSTANT, VARIABLE, MainItem, ReportDescriptor, ReportKind
+from entoptic.tracker_bridge.sources.hid_items import HidDescriptorError
 
 CM_TO_MM, INCH_TO_MM = 10.0, 25.4
 

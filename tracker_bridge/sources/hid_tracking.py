@@ -10,8 +10,8 @@ from collections.abc import Callable
 
 import msgspec
 
-from tracker_bridge.samples import Eye
-from tracker_bridge.sources.hid_report import (
+from entoptic.tracker_bridge.samples import Eye
+from entoptic.tracker_bridge.sources.hid_report import (
     Field,
     HidReportError,
     ReportLayout,
@@ -21,7 +21,7 @@ from tracker_bridge.sources.hid_report import (
     length_mm,
     plain,
 )
-from tracker_bridge.sources.hid_usages import (
+from entoptic.tracker_bridge.sources.hid_usages import (
     BOTH_EYES,
     CONFIDENCE,
     DIAMETER,

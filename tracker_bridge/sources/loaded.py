@@ -8,8 +8,8 @@ from typing import TypeVar
 
 import msgspec
 
-from tracker_bridge.samples import GazeSample, PupilSample
-from tracker_bridge.source import SourceError, SourceInfo
+from entoptic.tracker_bridge.samples import GazeSample, PupilSample
+from entoptic.tracker_bridge.source import SourceError, SourceInfo
 
 Sample = PupilSample | GazeSample
 OneKind = TypeVar("OneKind", PupilSample, GazeSample)

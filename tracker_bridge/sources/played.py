@@ -11,9 +11,9 @@ from collections.abc import Iterator
 
 import msgspec
 
-from tracker_bridge.events import ClockEstimated
-from tracker_bridge.samples import NS_PER_S
-from tracker_bridge.source import Item, Source, SourceInfo, Tick
+from entoptic.tracker_bridge.events import ClockEstimated
+from entoptic.tracker_bridge.samples import NS_PER_S
+from entoptic.tracker_bridge.source import Item, Source, SourceInfo, Tick
 
 TICK_S = 0.05
 """Between two ticks; a live source may go 100 ms without one."""

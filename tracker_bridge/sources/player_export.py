@@ -9,12 +9,12 @@ from __future__ import annotations
 import math
 from pathlib import Path
 
-from tracker_bridge.samples import Eye
-from tracker_bridge.source import SourceError
-from tracker_bridge.sources.cells import Row, read_table
-from tracker_bridge.sources.loaded import LoadedSource
-from tracker_bridge.sources.pupil_datum import TIME_LIMIT_S, Circle3d, GazeDatum, PupilDatum, Vector
-from tracker_bridge.sources.pupil_streams import Gaze, assemble
+from entoptic.tracker_bridge.samples import Eye
+from entoptic.tracker_bridge.source import SourceError
+from entoptic.tracker_bridge.sources.cells import Row, read_table
+from entoptic.tracker_bridge.sources.loaded import LoadedSource
+from entoptic.tracker_bridge.sources.pupil_datum import TIME_LIMIT_S, Circle3d, GazeDatum, PupilDatum, Vector
+from entoptic.tracker_bridge.sources.pupil_streams import Gaze, assemble
 
 PUPIL_FILE = "pupil_positions.csv"
 GAZE_FILE = "gaze_positions.csv"

@@ -19,10 +19,10 @@ from typing import Final, TypeVar
 
 import msgspec
 
-from tracker_bridge.events import TaskKind, TaskOutcome, TrackerStatus, TrackerTask
-from tracker_bridge.samples import Eye, GazeSample, PupilSample
-from tracker_bridge.source import SourceError
-from tracker_bridge.sources.pupil_datum import (
+from entoptic.tracker_bridge.events import TaskKind, TaskOutcome, TrackerStatus, TrackerTask
+from entoptic.tracker_bridge.samples import Eye, GazeSample, PupilSample
+from entoptic.tracker_bridge.source import SourceError
+from entoptic.tracker_bridge.sources.pupil_datum import (
     SCENE_FOV_DEG,
     PupilDatum,
     base_pupils,

@@ -19,13 +19,13 @@ from typing import Final
 
 import msgspec
 
-from tracker_bridge.clock import RoundTripClock
-from tracker_bridge.events import ClockEstimated, SourceBack, SourceSilent, TrackerStatus, TrackerTask
-from tracker_bridge.samples import NS_PER_S, GazeSample, PupilSample
-from tracker_bridge.source import Item, SourceError, SourceInfo, Tick
-from tracker_bridge.sources import pupil_remote
-from tracker_bridge.sources.pupil_bus import ERRORS, PupilBus
-from tracker_bridge.sources.pupil_link import (
+from entoptic.tracker_bridge.clock import RoundTripClock
+from entoptic.tracker_bridge.events import ClockEstimated, SourceBack, SourceSilent, TrackerStatus, TrackerTask
+from entoptic.tracker_bridge.samples import NS_PER_S, GazeSample, PupilSample
+from entoptic.tracker_bridge.source import Item, SourceError, SourceInfo, Tick
+from entoptic.tracker_bridge.sources import pupil_remote
+from entoptic.tracker_bridge.sources.pupil_bus import ERRORS, PupilBus
+from entoptic.tracker_bridge.sources.pupil_link import (
     ROOM,
     Connected,
     Link,
@@ -35,8 +35,8 @@ from tracker_bridge.sources.pupil_link import (
     RoundTrip,
     Unreachable,
 )
-from tracker_bridge.sources.pupil_remote import DEFAULT_REMOTE, RemoteAddress, Request
-from tracker_bridge.sources.pupil_tasks import Command, OpenTasks, Order
+from entoptic.tracker_bridge.sources.pupil_remote import DEFAULT_REMOTE, RemoteAddress, Request
+from entoptic.tracker_bridge.sources.pupil_tasks import Command, OpenTasks, Order
 
 TICK_NS: Final = 50_000_000
 """A reader is woken so often. Engineering choice: half of what a live source promises."""

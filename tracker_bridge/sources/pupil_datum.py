@@ -20,8 +20,8 @@ from typing import Any, Final, TypeVar
 
 import msgspec
 
-from tracker_bridge.samples import NS_PER_S, Eye, GazeSample, PupilSample, direction_deg
-from tracker_bridge.source import SourceError
+from entoptic.tracker_bridge.samples import NS_PER_S, Eye, GazeSample, PupilSample, direction_deg
+from entoptic.tracker_bridge.source import SourceError
 
 Vector = tuple[float, float, float]
 

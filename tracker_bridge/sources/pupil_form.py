@@ -11,10 +11,10 @@ import math
 from collections.abc import Iterable
 from typing import Any, Final
 
-from tracker_bridge.samples import NS_PER_S, Eye, GazeSample, PupilSample
-from tracker_bridge.sources.loaded import Sample
-from tracker_bridge.sources.pupil_datum import SCENE_FOV_DEG, Vector
-from tracker_bridge.sources.simulated_tracker import PX_PER_MM
+from entoptic.tracker_bridge.samples import NS_PER_S, Eye, GazeSample, PupilSample
+from entoptic.tracker_bridge.sources.loaded import Sample
+from entoptic.tracker_bridge.sources.pupil_datum import SCENE_FOV_DEG, Vector
+from entoptic.tracker_bridge.sources.simulated_tracker import PX_PER_MM
 
 Map = dict[str, Any]
 

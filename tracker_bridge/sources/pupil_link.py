@@ -21,11 +21,11 @@ import time
 
 import zmq
 
-from tracker_bridge.samples import NS_PER_S
-from tracker_bridge.sources import pupil_remote
-from tracker_bridge.sources.pupil_bus import SUBSCRIPTIONS
-from tracker_bridge.sources.pupil_remote import Remote, RemoteAddress, RemoteError
-from tracker_bridge.sources.pupil_tasks import Order
+from entoptic.tracker_bridge.samples import NS_PER_S
+from entoptic.tracker_bridge.sources import pupil_remote
+from entoptic.tracker_bridge.sources.pupil_bus import SUBSCRIPTIONS
+from entoptic.tracker_bridge.sources.pupil_remote import Remote, RemoteAddress, RemoteError
+from entoptic.tracker_bridge.sources.pupil_tasks import Order
 
 ROOM = 2048
 """Messages that are kept. Engineering choice: at least 1.5 s of both eyes at 200 Hz with 2-D, 3-D and gaze, 10 MB at

@@ -27,9 +27,9 @@ from typing import Final, Self
 import msgpack  # type: ignore[import-untyped]  # ships no types
 import numpy as np
 
-from tracker_bridge.source import SourceError
-from tracker_bridge.sources.loaded import Sample, sort_key
-from tracker_bridge.sources.pupil_form import Map, data_of, is_writable
+from entoptic.tracker_bridge.source import SourceError
+from entoptic.tracker_bridge.sources.loaded import Sample, sort_key
+from entoptic.tracker_bridge.sources.pupil_form import Map, data_of, is_writable
 
 SYNC_INTERVAL_S: Final = 0.5
 """Half of what a power failure may cost; the other half is for the disk to finish. Engineering choice."""

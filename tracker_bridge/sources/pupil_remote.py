@@ -17,8 +17,8 @@ from typing import Final
 
 import zmq
 
-from tracker_bridge.source import SourceError
-from tracker_bridge.sources.pupil_datum import TIME_LIMIT_S, nanoseconds
+from entoptic.tracker_bridge.source import SourceError
+from entoptic.tracker_bridge.sources.pupil_datum import TIME_LIMIT_S, nanoseconds
 
 DEFAULT_REMOTE: Final = "tcp://127.0.0.1:50020"
 """Where Pupil Capture listens unless told otherwise (its Network API menu)."""

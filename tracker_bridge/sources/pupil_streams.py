@@ -7,9 +7,9 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from tracker_bridge.samples import Eye, GazeSample, direction_deg
-from tracker_bridge.sources.loaded import LoadedSource, load
-from tracker_bridge.sources.pupil_datum import (
+from entoptic.tracker_bridge.samples import Eye, GazeSample, direction_deg
+from entoptic.tracker_bridge.sources.loaded import LoadedSource, load
+from entoptic.tracker_bridge.sources.pupil_datum import (
     SCENE_FOV_DEG,
     GazeDatum,
     PupilDatum,
@@ -18,7 +18,7 @@ from tracker_bridge.sources.pupil_datum import (
     needs_scene_fov,
     pupil_sample,
 )
-from tracker_bridge.trust import MIN_CONFIDENCE
+from entoptic.tracker_bridge.trust import MIN_CONFIDENCE
 
 Floats = NDArray[np.float64]
 

@@ -11,9 +11,9 @@ import dataclasses
 import enum
 from typing import Final
 
-from tracker_bridge.events import TaskKind, TaskOutcome, TrackerTask
-from tracker_bridge.samples import NS_PER_S
-from tracker_bridge.sources.pupil_remote import Request
+from entoptic.tracker_bridge.events import TaskKind, TaskOutcome, TrackerTask
+from entoptic.tracker_bridge.samples import NS_PER_S
+from entoptic.tracker_bridge.sources.pupil_remote import Request
 
 
 class Command(enum.StrEnum):

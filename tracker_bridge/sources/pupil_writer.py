@@ -12,11 +12,11 @@ from __future__ import annotations
 import tempfile
 from pathlib import Path
 
-from tracker_bridge.samples import NS_PER_S
-from tracker_bridge.source import RecordedSource, SourceError
-from tracker_bridge.sources.loaded import sort_key
-from tracker_bridge.sources.pupil_form import is_writable
-from tracker_bridge.sources.pupil_recorder import PupilRecorder
+from entoptic.tracker_bridge.samples import NS_PER_S
+from entoptic.tracker_bridge.source import RecordedSource, SourceError
+from entoptic.tracker_bridge.sources.loaded import sort_key
+from entoptic.tracker_bridge.sources.pupil_form import is_writable
+from entoptic.tracker_bridge.sources.pupil_recorder import PupilRecorder
 
 
 def write_recording(source: RecordedSource, folder: Path) -> None:

@@ -12,10 +12,10 @@ from typing import NamedTuple
 
 import msgpack  # type: ignore[import-untyped]  # ships no types
 
-from tracker_bridge.source import SourceError
-from tracker_bridge.sources.loaded import LoadedSource
-from tracker_bridge.sources.pupil_datum import PupilDatum, base_pupils, decode_gaze, decode_pupil
-from tracker_bridge.sources.pupil_streams import Gaze, assemble
+from entoptic.tracker_bridge.source import SourceError
+from entoptic.tracker_bridge.sources.loaded import LoadedSource
+from entoptic.tracker_bridge.sources.pupil_datum import PupilDatum, base_pupils, decode_gaze, decode_pupil
+from entoptic.tracker_bridge.sources.pupil_streams import Gaze, assemble
 
 PUPIL_FILE = "pupil.pldata"
 GAZE_FILE = "gaze.pldata"

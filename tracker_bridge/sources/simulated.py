@@ -14,13 +14,13 @@ from typing import Annotated
 import msgspec
 import numpy as np
 
-from tracker_bridge.samples import NS_PER_S, Eye, GazeSample, PupilSample
-from tracker_bridge.source import SourceError, SourceInfo
-from tracker_bridge.sources.simulated_gaze import draw_movements, drift_deg, positions_deg
-from tracker_bridge.sources.simulated_lid import draw_blinks, openness_at
-from tracker_bridge.sources.simulated_pupil import STEP_S, light_reflex_mm, with_hippus_mm
-from tracker_bridge.sources.simulated_tracker import PX_PER_MM, measure
-from tracker_bridge.sources.simulated_truth import Truth, TruthEvent
+from entoptic.tracker_bridge.samples import NS_PER_S, Eye, GazeSample, PupilSample
+from entoptic.tracker_bridge.source import SourceError, SourceInfo
+from entoptic.tracker_bridge.sources.simulated_gaze import draw_movements, drift_deg, positions_deg
+from entoptic.tracker_bridge.sources.simulated_lid import draw_blinks, openness_at
+from entoptic.tracker_bridge.sources.simulated_pupil import STEP_S, light_reflex_mm, with_hippus_mm
+from entoptic.tracker_bridge.sources.simulated_tracker import PX_PER_MM, measure
+from entoptic.tracker_bridge.sources.simulated_truth import Truth, TruthEvent
 
 _GRID_S = 0.001
 """The eyes are computed every millisecond, then looked at when the tracker does: a microsaccade lasts 6 ms or more."""

@@ -15,15 +15,22 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from tracker_bridge.events import ClockEstimated
-from tracker_bridge.samples import NS_PER_S, GazeSample, PupilSample
-from tracker_bridge.source import Item, SourceInfo, Tick
-from tracker_bridge.sources.played import ticks_until
-from tracker_bridge.sources.simulated import SimulatedEyes, SimulatedSettings
-from tracker_bridge.sources.simulated_lid import Blink, openness_at
-from tracker_bridge.sources.simulated_live import BLOCK_S, LivePupil, grouped, live_seeds, refuse_schedule, slice_of
-from tracker_bridge.sources.simulated_tracker import measure
-from tracker_bridge.sources.simulated_truth import Truth
+from entoptic.tracker_bridge.events import ClockEstimated
+from entoptic.tracker_bridge.samples import NS_PER_S, GazeSample, PupilSample
+from entoptic.tracker_bridge.source import Item, SourceInfo, Tick
+from entoptic.tracker_bridge.sources.played import ticks_until
+from entoptic.tracker_bridge.sources.simulated import SimulatedEyes, SimulatedSettings
+from entoptic.tracker_bridge.sources.simulated_lid import Blink, openness_at
+from entoptic.tracker_bridge.sources.simulated_live import (
+    BLOCK_S,
+    LivePupil,
+    grouped,
+    live_seeds,
+    refuse_schedule,
+    slice_of,
+)
+from entoptic.tracker_bridge.sources.simulated_tracker import measure
+from entoptic.tracker_bridge.sources.simulated_truth import Truth
 
 STRETCH_S = 20
 """Whole seconds. Engineering choice: three more blinks a minute than drawn, and none that is late for its drawing."""

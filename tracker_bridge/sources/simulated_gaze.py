@@ -9,7 +9,7 @@ from typing import Literal, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from tracker_bridge.sources.simulated_lid import Blink
+from entoptic.tracker_bridge.sources.simulated_lid import Blink
 
 Floats = NDArray[np.float64]
 

@@ -16,12 +16,12 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from tracker_bridge.samples import NS_PER_S, Eye, GazeSample, PupilSample
-from tracker_bridge.source import Item, SourceError, SourceInfo, Tick
-from tracker_bridge.sources.simulated import SimulatedEyes, SimulatedSettings
-from tracker_bridge.sources.simulated_pupil import _OCTAVES, _P_MAX_MM, STEP_S, ReflexSteps, first_step
-from tracker_bridge.sources.simulated_tracker import PX_PER_MM, Measured, measure
-from tracker_bridge.sources.simulated_truth import Truth
+from entoptic.tracker_bridge.samples import NS_PER_S, Eye, GazeSample, PupilSample
+from entoptic.tracker_bridge.source import Item, SourceError, SourceInfo, Tick
+from entoptic.tracker_bridge.sources.simulated import SimulatedEyes, SimulatedSettings
+from entoptic.tracker_bridge.sources.simulated_pupil import _OCTAVES, _P_MAX_MM, STEP_S, ReflexSteps, first_step
+from entoptic.tracker_bridge.sources.simulated_tracker import PX_PER_MM, Measured, measure
+from entoptic.tracker_bridge.sources.simulated_truth import Truth
 
 BLOCK_S = 0.1
 """How far samples are made ahead; under LATENCY_S, and as long as a live source may go without a Tick."""

@@ -7,8 +7,8 @@ import dataclasses
 import numpy as np
 from numpy.typing import NDArray
 
-from tracker_bridge.sources.simulated_lid import visible_area, visible_height
-from tracker_bridge.sources.simulated_truth import Truth
+from entoptic.tracker_bridge.sources.simulated_lid import visible_area, visible_height
+from entoptic.tracker_bridge.sources.simulated_truth import Truth
 
 Floats = NDArray[np.float64]
 

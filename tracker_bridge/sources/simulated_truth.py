@@ -11,7 +11,7 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from tracker_bridge.samples import Eye
+from entoptic.tracker_bridge.samples import Eye
 
 Floats = NDArray[np.float64]
 

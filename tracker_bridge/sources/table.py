@@ -8,11 +8,11 @@ from pathlib import Path
 
 import numpy as np
 
-from tracker_bridge.samples import Eye, GazeSample, PupilSample, direction_deg
-from tracker_bridge.source import SourceError
-from tracker_bridge.sources.cells import Row, read_header, read_table
-from tracker_bridge.sources.loaded import LoadedSource, load
-from tracker_bridge.sources.table_map import (
+from entoptic.tracker_bridge.samples import Eye, GazeSample, PupilSample, direction_deg
+from entoptic.tracker_bridge.source import SourceError
+from entoptic.tracker_bridge.sources.cells import Row, read_header, read_table
+from entoptic.tracker_bridge.sources.loaded import LoadedSource, load
+from entoptic.tracker_bridge.sources.table_map import (
     AngleGaze,
     EyeChannels,
     Gaze,

@@ -35,8 +35,8 @@ from typing import Annotated, Literal
 
 import msgspec
 
-from tracker_bridge.source import SourceError
-from tracker_bridge.sources.cells import MISSING
+from entoptic.tracker_bridge.source import SourceError
+from entoptic.tracker_bridge.sources.cells import MISSING
 
 Sign = Literal[1, -1]
 ExtentOwn = Annotated[float, msgspec.Meta(ge=1e-6, le=1e6)]

@@ -13,12 +13,12 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any, Protocol
 
-from tracker_bridge.clock import ArrivalClock
-from tracker_bridge.events import SourceBack, SourceSilent, TrackerStatus
-from tracker_bridge.samples import GazeSample, PupilSample
-from tracker_bridge.source import Item, SourceError, SourceInfo, Tick
-from tracker_bridge.sources.usb_capture import UsbCapture
-from tracker_bridge.sources.usb_device import (
+from entoptic.tracker_bridge.clock import ArrivalClock
+from entoptic.tracker_bridge.events import SourceBack, SourceSilent, TrackerStatus
+from entoptic.tracker_bridge.samples import GazeSample, PupilSample
+from entoptic.tracker_bridge.source import Item, SourceError, SourceInfo, Tick
+from entoptic.tracker_bridge.sources.usb_capture import UsbCapture
+from entoptic.tracker_bridge.sources.usb_device import (
     NoTrackerError,
     Tracker,
     UsbError,
@@ -26,8 +26,8 @@ from tracker_bridge.sources.usb_device import (
     find_tracker,
     libusb_backend,
 )
-from tracker_bridge.sources.usb_remedies import usb_id_of
-from tracker_bridge.sources.usb_stream import PacketStream
+from entoptic.tracker_bridge.sources.usb_remedies import usb_id_of
+from entoptic.tracker_bridge.sources.usb_stream import PacketStream
 
 READ_TIMEOUT_MS = 40
 """A reader is kept waiting for a tick for twice as long at most: less than the 100 ms that it may be."""

@@ -16,8 +16,8 @@ from types import TracebackType
 
 import msgpack  # type: ignore[import-untyped]  # ships no types
 
-from tracker_bridge.source import SourceError
-from tracker_bridge.sources.usb_stream import Connection
+from entoptic.tracker_bridge.source import SourceError
+from entoptic.tracker_bridge.sources.usb_stream import Connection
 
 MAGIC = "entoptic usb capture"
 VERSION = 1

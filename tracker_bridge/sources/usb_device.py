@@ -16,13 +16,13 @@ import usb.backend  # type: ignore[import-untyped]  # ships no types
 import usb.core  # type: ignore[import-untyped]
 import usb.util  # type: ignore[import-untyped]
 
-from tracker_bridge.source import SourceError
-from tracker_bridge.sources.hid_descriptor import ReportKind, parse_report_descriptor
-from tracker_bridge.sources.hid_eye_tracker import EyeTrackerReports
-from tracker_bridge.sources.hid_items import HidDescriptorError
-from tracker_bridge.sources.hid_usages import EYE_TRACKER
-from tracker_bridge.sources.usb_remedies import cannot_use, no_backend, no_permission
-from tracker_bridge.sources.usb_stream import Connection
+from entoptic.tracker_bridge.source import SourceError
+from entoptic.tracker_bridge.sources.hid_descriptor import ReportKind, parse_report_descriptor
+from entoptic.tracker_bridge.sources.hid_eye_tracker import EyeTrackerReports
+from entoptic.tracker_bridge.sources.hid_items import HidDescriptorError
+from entoptic.tracker_bridge.sources.hid_usages import EYE_TRACKER
+from entoptic.tracker_bridge.sources.usb_remedies import cannot_use, no_backend, no_permission
+from entoptic.tracker_bridge.sources.usb_stream import Connection
 
 UsbError = usb.core.USBError
 UsbTimeout = usb.core.USBTimeoutError

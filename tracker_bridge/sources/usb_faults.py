@@ -8,7 +8,7 @@ from typing import Literal, get_args
 
 import msgspec
 
-from tracker_bridge.source import SourceError
+from entoptic.tracker_bridge.source import SourceError
 
 FaultKind = Literal["unplug", "stall", "timeout", "short", "long", "garbage"]
 

@@ -12,13 +12,13 @@ from typing import Annotated, Literal
 import msgpack  # type: ignore[import-untyped]  # ships no types
 import msgspec
 
-from tracker_bridge.clock import ArrivalClock
-from tracker_bridge.samples import GazeSample, PupilSample
-from tracker_bridge.source import SourceError
-from tracker_bridge.sources.hid_items import HidDescriptorError
-from tracker_bridge.sources.loaded import LoadedSource, load
-from tracker_bridge.sources.usb_capture import MAGIC, VERSION
-from tracker_bridge.sources.usb_stream import Connection, PacketStream
+from entoptic.tracker_bridge.clock import ArrivalClock
+from entoptic.tracker_bridge.samples import GazeSample, PupilSample
+from entoptic.tracker_bridge.source import SourceError
+from entoptic.tracker_bridge.sources.hid_items import HidDescriptorError
+from entoptic.tracker_bridge.sources.loaded import LoadedSource, load
+from entoptic.tracker_bridge.sources.usb_capture import MAGIC, VERSION
+from entoptic.tracker_bridge.sources.usb_stream import Connection, PacketStream
 
 _MAX_RECORD_BYTES = 1 << 21
 """Longest record that is believed: a descriptor of 64 KiB and 255 features of 4 KiB make the longest true one."""

@@ -6,7 +6,7 @@ import errno
 import re
 import sys
 
-from tracker_bridge.source import SourceError
+from entoptic.tracker_bridge.source import SourceError
 
 UDEV_FILE = "/etc/udev/rules.d/70-entoptic-eye-tracker.rules"
 """Below 73, where systemd's rules give what is tagged `uaccess` to whoever sits at the machine."""

@@ -17,11 +17,11 @@ from types import SimpleNamespace
 
 import usb.backend  # type: ignore[import-untyped]  # ships no types
 
-from tracker_bridge.samples import GazeSample, PupilSample
-from tracker_bridge.source import Source, SourceError
-from tracker_bridge.sources.hid_descriptor import ReportKind
-from tracker_bridge.sources.usb import MachineTime, Timekeeper, UsbTracker
-from tracker_bridge.sources.usb_device import (
+from entoptic.tracker_bridge.samples import GazeSample, PupilSample
+from entoptic.tracker_bridge.source import Source, SourceError
+from entoptic.tracker_bridge.sources.hid_descriptor import ReportKind
+from entoptic.tracker_bridge.sources.usb import MachineTime, Timekeeper, UsbTracker
+from entoptic.tracker_bridge.sources.usb_device import (
     GET_DESCRIPTOR,
     GET_REPORT,
     REPORT_DESCRIPTOR,
@@ -32,8 +32,8 @@ from tracker_bridge.sources.usb_device import (
     UsbError,
     UsbTimeout,
 )
-from tracker_bridge.sources.usb_faults import Fault, parse_faults
-from tracker_bridge.sources.usb_twin_descriptors import (
+from entoptic.tracker_bridge.sources.usb_faults import Fault, parse_faults
+from entoptic.tracker_bridge.sources.usb_twin_descriptors import (
     CONFIGURATION,
     DEVICE,
     INTERFACE,
@@ -43,7 +43,13 @@ from tracker_bridge.sources.usb_twin_descriptors import (
     TO_DEVICE_STANDARD_IN,
     string_descriptor,
 )
-from tracker_bridge.sources.usb_twin_report import DESCRIPTOR, MODE_ID, feature_report, status_report, tracking_report
+from entoptic.tracker_bridge.sources.usb_twin_report import (
+    DESCRIPTOR,
+    MODE_ID,
+    feature_report,
+    status_report,
+    tracking_report,
+)
 
 POWERED_NS = 5_000_000_000
 """How long the device has been powered when it is first read: its clock is not the machine's."""

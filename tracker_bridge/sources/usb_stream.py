@@ -6,14 +6,14 @@ from collections.abc import Iterator, Mapping
 
 import msgspec
 
-from tracker_bridge.clock import ArrivalClock
-from tracker_bridge.events import TrackerStatus
-from tracker_bridge.samples import NS_PER_S
-from tracker_bridge.source import Item, Tick
-from tracker_bridge.sources.hid_eye_tracker import EyeTrackerReports
-from tracker_bridge.sources.hid_gaze import samples_of, viewing
-from tracker_bridge.sources.hid_report import HidReportError, Reassembly
-from tracker_bridge.sources.hid_tracking import Tracking
+from entoptic.tracker_bridge.clock import ArrivalClock
+from entoptic.tracker_bridge.events import TrackerStatus
+from entoptic.tracker_bridge.samples import NS_PER_S
+from entoptic.tracker_bridge.source import Item, Tick
+from entoptic.tracker_bridge.sources.hid_eye_tracker import EyeTrackerReports
+from entoptic.tracker_bridge.sources.hid_gaze import samples_of, viewing
+from entoptic.tracker_bridge.sources.hid_report import HidReportError, Reassembly
+from entoptic.tracker_bridge.sources.hid_tracking import Tracking
 
 COMPLAINT_EVERY_NS = NS_PER_S
 """Bad reports are told of once a second at most. Engineering choice: a noisy cable would fill the log."""

@@ -5,8 +5,8 @@ USB 2.0, 9.6: device, configuration, interface with its HID descriptor (HID 1.11
 
 from __future__ import annotations
 
-from tracker_bridge.sources.usb_device import HID_CLASS, HID_DESCRIPTOR, REPORT_DESCRIPTOR
-from tracker_bridge.sources.usb_twin_report import DESCRIPTOR
+from entoptic.tracker_bridge.sources.usb_device import HID_CLASS, HID_DESCRIPTOR, REPORT_DESCRIPTOR
+from entoptic.tracker_bridge.sources.usb_twin_report import DESCRIPTOR
 
 VENDOR, PRODUCT = 0x1209, 0x0001
 """The pair that pid.codes keeps free for tests."""

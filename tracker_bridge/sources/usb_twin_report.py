@@ -23,10 +23,10 @@ import math
 import struct
 from collections.abc import Iterable
 
-from tracker_bridge.samples import Eye, GazeSample, PupilSample
-from tracker_bridge.sources import hid_usages as usages
-from tracker_bridge.sources.hid_gaze import INTERPUPILLARY_MM, USUAL_DISTANCE_MM
-from tracker_bridge.sources.hid_usages import MODE_EYES, MODE_GAZE, READY
+from entoptic.tracker_bridge.samples import Eye, GazeSample, PupilSample
+from entoptic.tracker_bridge.sources import hid_usages as usages
+from entoptic.tracker_bridge.sources.hid_gaze import INTERPUPILLARY_MM, USUAL_DISTANCE_MM
+from entoptic.tracker_bridge.sources.hid_usages import MODE_EYES, MODE_GAZE, READY
 
 TRACKING_ID, CAPABILITIES_ID, CONFIGURATION_ID, STATUS_ID, MODE_ID = 0x10, 0x11, 0x12, 0x13, 0x14
 """GazeHid's."""

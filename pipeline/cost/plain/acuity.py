@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.cost.plain.adaptation import luminance
+from entoptic.pipeline.cost.plain.adaptation import luminance
 
 Reals = NDArray[np.float64]
 

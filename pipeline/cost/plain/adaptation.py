@@ -7,7 +7,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.frame import LUMINANCE_WEIGHTS, View
+from entoptic.pipeline.frame import LUMINANCE_WEIGHTS, View
 
 Reals = NDArray[np.float64]
 

@@ -15,10 +15,10 @@ import scipy.fft
 from numpy.typing import NDArray
 from scipy.interpolate import RectBivariateSpline
 
-from pipeline.effects.glare.kernel import Mixture
-from pipeline.effects.glare.reference import of_mixture, pixel_solid_angles
-from pipeline.frame import View
-from pipeline.optics import radial
+from entoptic.pipeline.effects.glare.kernel import Mixture
+from entoptic.pipeline.effects.glare.reference import of_mixture, pixel_solid_angles
+from entoptic.pipeline.frame import View
+from entoptic.pipeline.optics import radial
 
 Reals = NDArray[np.float64]
 

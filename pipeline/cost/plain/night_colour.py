@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.cost.plain.adaptation import luminance, rod_share
+from entoptic.pipeline.cost.plain.adaptation import luminance, rod_share
 
 Reals = NDArray[np.float64]
 

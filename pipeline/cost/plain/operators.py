@@ -11,10 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import PchipInterpolator
 
-from pipeline.cost.plain import adaptation, tone
-from pipeline.cost.plain.adaptation import luminance
-from pipeline.cost.plain.night_colour import RGB_TO_XYZ
-from pipeline.threshold import cone_threshold_cd_m2, rod_threshold_cd_m2, threshold_cd_m2
+from entoptic.pipeline.cost.plain import adaptation, tone
+from entoptic.pipeline.cost.plain.adaptation import luminance
+from entoptic.pipeline.cost.plain.night_colour import RGB_TO_XYZ
+from entoptic.pipeline.threshold import cone_threshold_cd_m2, rod_threshold_cd_m2, threshold_cd_m2
 
 Reals = NDArray[np.float64]
 

@@ -8,8 +8,8 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pipeline.cost.plain import acuity, adaptation, night_colour, tone
-from pipeline.frame import Display, View
+from entoptic.pipeline.cost.plain import acuity, adaptation, night_colour, tone
+from entoptic.pipeline.frame import Display, View
 
 Reals = NDArray[np.float64]
 

@@ -6,10 +6,10 @@ before_display.py  adaptation, glare, acuity, rod noise, whose images are in cd/
 on_display.py      tone mapping, night colour, afterimages and encoding, whose images are in cd/m² of the display
 """
 
-from pipeline.cost.ways.before_display import acuity_ways, adaptation_ways, glare_ways, rod_noise_ways
-from pipeline.cost.ways.on_display import afterimage_ways, encode_ways, night_colour_ways, tone_ways
-from pipeline.cost.ways.stage import Stage
-from pipeline.cost.ways.way import Row, Way, measure_ways
+from entoptic.pipeline.cost.ways.before_display import acuity_ways, adaptation_ways, glare_ways, rod_noise_ways
+from entoptic.pipeline.cost.ways.on_display import afterimage_ways, encode_ways, night_colour_ways, tone_ways
+from entoptic.pipeline.cost.ways.stage import Stage
+from entoptic.pipeline.cost.ways.way import Row, Way, measure_ways
 
 __all__ = ["EFFECTS", "Row", "Stage", "Way", "measure_ways"]
 

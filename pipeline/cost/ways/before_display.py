@@ -9,17 +9,17 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
-from pipeline.cost.plain import adaptation as plain_adaptation
-from pipeline.cost.plain.glare import prepare
-from pipeline.cost.ways.stage import Reals, Stage
-from pipeline.cost.ways.way import SKIPPED, Way, Ways
-from pipeline.effects import acuity, adaptation, rod_noise
-from pipeline.effects.acuity import Acuity, AcuityMethod
-from pipeline.effects.acuity.reference import reference_acuity
-from pipeline.effects.adaptation import Adaptation, Target
-from pipeline.effects.glare import Glare, GlareLevel, GlareModel
-from pipeline.effects.glare.reference import of_mixture, reference_glare
-from pipeline.effects.rod_noise import RodNoise
+from entoptic.pipeline.cost.plain import adaptation as plain_adaptation
+from entoptic.pipeline.cost.plain.glare import prepare
+from entoptic.pipeline.cost.ways.stage import Reals, Stage
+from entoptic.pipeline.cost.ways.way import SKIPPED, Way, Ways
+from entoptic.pipeline.effects import acuity, adaptation, rod_noise
+from entoptic.pipeline.effects.acuity import Acuity, AcuityMethod
+from entoptic.pipeline.effects.acuity.reference import reference_acuity
+from entoptic.pipeline.effects.adaptation import Adaptation, Target
+from entoptic.pipeline.effects.glare import Glare, GlareLevel, GlareModel
+from entoptic.pipeline.effects.glare.reference import of_mixture, reference_glare
+from entoptic.pipeline.effects.rod_noise import RodNoise
 
 NOISE_S = 1.0
 """When in a session noise is drawn."""

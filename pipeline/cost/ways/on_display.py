@@ -14,19 +14,19 @@ import numpy as np
 from jaxtyping import Array
 from numpy.typing import NDArray
 
-from pipeline import mesopic
-from pipeline.cost.plain import night_colour as plain_night
-from pipeline.cost.plain import operators
-from pipeline.cost.plain import tone as plain_tone
-from pipeline.cost.plain.adaptation import luminance, rod_share
-from pipeline.cost.ways.stage import Reals, Stage
-from pipeline.cost.ways.way import SKIPPED, Way, Ways
-from pipeline.effects import afterimage, encode, night_colour, tone
-from pipeline.effects.afterimage import Afterimage
-from pipeline.effects.night_colour import NightColour, NightMethod
-from pipeline.effects.night_colour.tints import tint, weights
-from pipeline.effects.tone import Hue, Operator, Tone
-from pipeline.frame import Encoding
+from entoptic.pipeline import mesopic
+from entoptic.pipeline.cost.plain import night_colour as plain_night
+from entoptic.pipeline.cost.plain import operators
+from entoptic.pipeline.cost.plain import tone as plain_tone
+from entoptic.pipeline.cost.plain.adaptation import luminance, rod_share
+from entoptic.pipeline.cost.ways.stage import Reals, Stage
+from entoptic.pipeline.cost.ways.way import SKIPPED, Way, Ways
+from entoptic.pipeline.effects import afterimage, encode, night_colour, tone
+from entoptic.pipeline.effects.afterimage import Afterimage
+from entoptic.pipeline.effects.night_colour import NightColour, NightMethod
+from entoptic.pipeline.effects.night_colour.tints import tint, weights
+from entoptic.pipeline.effects.tone import Hue, Operator, Tone
+from entoptic.pipeline.frame import Encoding
 
 CURVE = ([-3.0, -1.5, 0.0, 1.0, 2.0], [0.01, 0.1, 0.45, 0.85, 1.0])
 """A person's curve: log10 of luminance over the adapted one, share of the peak. Made up, to be timed."""

@@ -11,15 +11,15 @@ import numpy as np
 from jaxtyping import Array, Float
 from numpy.typing import NDArray
 
-from pipeline.cost.plain import acuity, night_colour, tone
-from pipeline.cost.scenes import CostScene
-from pipeline.effects.glare import Glare, GlareLevel, GlareModel, Mixture, Sight, mixture, scatter
-from pipeline.effects.tone import ceiling_cd_m2
-from pipeline.frame import Display
-from pipeline.measure import Measurement, measure
-from pipeline.observer import Observer
-from pipeline.optics.aperture import Pose
-from pipeline.optics.pupil import watson_yellott_mm
+from entoptic.pipeline.cost.plain import acuity, night_colour, tone
+from entoptic.pipeline.cost.scenes import CostScene
+from entoptic.pipeline.effects.glare import Glare, GlareLevel, GlareModel, Mixture, Sight, mixture, scatter
+from entoptic.pipeline.effects.tone import ceiling_cd_m2
+from entoptic.pipeline.frame import Display
+from entoptic.pipeline.measure import Measurement, measure
+from entoptic.pipeline.observer import Observer
+from entoptic.pipeline.optics.aperture import Pose
+from entoptic.pipeline.optics.pupil import watson_yellott_mm
 
 Reals = NDArray[np.float64]
 

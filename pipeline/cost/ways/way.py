@@ -9,9 +9,9 @@ from typing import Any
 
 import numpy as np
 
-from pipeline.cost.errors import Errors, OnDisplay, errors_between
-from pipeline.cost.timing import Times, interleaved
-from pipeline.cost.ways.stage import Reals, Stage
+from entoptic.pipeline.cost.errors import Errors, OnDisplay, errors_between
+from entoptic.pipeline.cost.timing import Times, interleaved
+from entoptic.pipeline.cost.ways.stage import Reals, Stage
 
 TRUTH, SKIPPED = "reference", "skipped"
 """What the truth is called as a way of its own; and what leaving an effect out is."""

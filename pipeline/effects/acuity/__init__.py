@@ -20,14 +20,14 @@ import numpy as np
 from jaxtyping import Array, Float
 from numpy.typing import NDArray
 
-from pipeline.effects.acuity.bounds import dark_tiles, limit_cd_m2, passed_on, skipped
-from pipeline.effects.acuity.cielab import EPSILON, KAPPA, WHITE_CD_M2, lightness, luminance_of
-from pipeline.effects.acuity.fit import LIMIT_CD_M2, RADIUS_PX, dark_acuity
-from pipeline.effects.acuity.krawczyk import krawczyk_acuity
-from pipeline.effects.acuity.reference import reference_acuity
-from pipeline.effects.acuity.settings import Acuity, AcuityMethod
-from pipeline.effects.acuity.tiles import dark_acuity_of_tiles
-from pipeline.frame import FrameError
+from entoptic.pipeline.effects.acuity.bounds import dark_tiles, limit_cd_m2, passed_on, skipped
+from entoptic.pipeline.effects.acuity.cielab import EPSILON, KAPPA, WHITE_CD_M2, lightness, luminance_of
+from entoptic.pipeline.effects.acuity.fit import LIMIT_CD_M2, RADIUS_PX, dark_acuity
+from entoptic.pipeline.effects.acuity.krawczyk import krawczyk_acuity
+from entoptic.pipeline.effects.acuity.reference import reference_acuity
+from entoptic.pipeline.effects.acuity.settings import Acuity, AcuityMethod
+from entoptic.pipeline.effects.acuity.tiles import dark_acuity_of_tiles
+from entoptic.pipeline.frame import FrameError
 
 __all__ = [
     "EPSILON",

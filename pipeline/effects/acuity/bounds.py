@@ -12,12 +12,12 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.effects.acuity import fit, krawczyk, larson
-from pipeline.effects.acuity.reference import REACH, lightness, luminance_of
-from pipeline.effects.acuity.settings import Acuity, AcuityMethod
-from pipeline.frame import LUMINANCE_WEIGHTS
-from pipeline.ranges import Change, Range
-from pipeline.ranges import around as change_around
+from entoptic.pipeline.effects.acuity import fit, krawczyk, larson
+from entoptic.pipeline.effects.acuity.reference import REACH, lightness, luminance_of
+from entoptic.pipeline.effects.acuity.settings import Acuity, AcuityMethod
+from entoptic.pipeline.frame import LUMINANCE_WEIGHTS
+from entoptic.pipeline.ranges import Change, Range
+from entoptic.pipeline.ranges import around as change_around
 
 ROUNDING = 1e-3
 """Of a luminance: that close above the limit a pixel may count as darker in float32."""

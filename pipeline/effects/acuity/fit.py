@@ -15,9 +15,9 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from pipeline.effects.acuity.cheap import exp2
-from pipeline.effects.acuity.cielab import CD_M2_PER_LIGHTNESS, lightness, luminance_of
-from pipeline.measure import luminance
+from entoptic.pipeline.effects.acuity.cheap import exp2
+from entoptic.pipeline.effects.acuity.cielab import CD_M2_PER_LIGHTNESS, lightness, luminance_of
+from entoptic.pipeline.measure import luminance
 
 LIMIT_CD_M2 = CD_M2_PER_LIGHTNESS
 """Where L* = 1: brighter pixels stay sharp."""

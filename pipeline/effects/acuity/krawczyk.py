@@ -17,10 +17,10 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from pipeline.effects.acuity import larson
-from pipeline.effects.acuity.cielab import lightness, luminance_of
-from pipeline.effects.acuity.fit import add_grey
-from pipeline.measure import luminance
+from entoptic.pipeline.effects.acuity import larson
+from entoptic.pipeline.effects.acuity.cielab import lightness, luminance_of
+from entoptic.pipeline.effects.acuity.fit import add_grey
+from entoptic.pipeline.measure import luminance
 
 FIRST_PX2 = 0.25
 """σ² of the first rung. Engineering choice: σ = 0.5 px takes a fifth from a pixel; below it blur grows as σ² does."""

@@ -8,10 +8,10 @@ import numpy as np
 from jaxtyping import Float
 from numpy.typing import NDArray
 
-from pipeline.effects.acuity import larson
-from pipeline.effects.acuity.cielab import EPSILON, KAPPA, LINEAR_END, WHITE_CD_M2
-from pipeline.effects.acuity.settings import Acuity, AcuityMethod
-from pipeline.frame import LUMINANCE_WEIGHTS
+from entoptic.pipeline.effects.acuity import larson
+from entoptic.pipeline.effects.acuity.cielab import EPSILON, KAPPA, LINEAR_END, WHITE_CD_M2
+from entoptic.pipeline.effects.acuity.settings import Acuity, AcuityMethod
+from entoptic.pipeline.frame import LUMINANCE_WEIGHTS
 
 REACH = 4
 """Radius of the kernel in σ of the darkest pixel: what lies beyond weighs 3e-4 in all."""

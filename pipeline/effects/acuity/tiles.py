@@ -14,9 +14,9 @@ import numpy as np
 from jaxtyping import Array, Float, Int
 from numpy.typing import NDArray
 
-from pipeline.effects.acuity import fit
-from pipeline.effects.acuity.cielab import lightness
-from pipeline.measure import luminance
+from entoptic.pipeline.effects.acuity import fit
+from entoptic.pipeline.effects.acuity.cielab import lightness
+from entoptic.pipeline.measure import luminance
 
 BLOCK_PX = 96
 """Side of a block, about. Engineering choice: its margin is an eighth more, and its 150 kB stay in a core's cache."""

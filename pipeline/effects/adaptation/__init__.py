@@ -7,17 +7,23 @@ pigments.py   what strong light bleaches, and what the eye loses by it for half 
 state.py      one eye's adaptation from frame to frame
 """
 
-from pipeline.effects.adaptation.courses import (
+from entoptic.pipeline.effects.adaptation.courses import (
     TAU_CONE_S,
     TAU_ROD_S,
     adapt_cd_m2,
     overshoot_threshold_cd_m2,
     rod_sensitivity,
 )
-from pipeline.effects.adaptation.pigments import Pigments, equivalent_cd_m2, sensitivity, settled, step_pigments
-from pipeline.effects.adaptation.settings import GAZE_SD_DEG, Adaptation, Bleaching, Course, Target
-from pipeline.effects.adaptation.state import Adapted, begin, exposure, step
-from pipeline.effects.adaptation.targets import FLOOR_CD_M2, target_cd_m2
+from entoptic.pipeline.effects.adaptation.pigments import (
+    Pigments,
+    equivalent_cd_m2,
+    sensitivity,
+    settled,
+    step_pigments,
+)
+from entoptic.pipeline.effects.adaptation.settings import GAZE_SD_DEG, Adaptation, Bleaching, Course, Target
+from entoptic.pipeline.effects.adaptation.state import Adapted, begin, exposure, step
+from entoptic.pipeline.effects.adaptation.targets import FLOOR_CD_M2, target_cd_m2
 
 __all__ = [
     "FLOOR_CD_M2",

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import math
 
-from pipeline.effects.adaptation.settings import DEFAULT, Adaptation, Course
-from pipeline.mesopic import HALF_CD_M2
-from pipeline.threshold import threshold_cd_m2
+from entoptic.pipeline.effects.adaptation.settings import DEFAULT, Adaptation, Course
+from entoptic.pipeline.mesopic import HALF_CD_M2
+from entoptic.pipeline.threshold import threshold_cd_m2
 
 TAU_ROD_S, TAU_CONE_S = 0.4, 0.1
 """LUI 5.3, after Krawczyk 2005."""

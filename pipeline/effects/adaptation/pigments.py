@@ -15,8 +15,8 @@ import dataclasses
 import math
 from typing import NamedTuple
 
-from pipeline.effects.adaptation.settings import Bleaching
-from pipeline.threshold import cone_threshold_cd_m2, rod_threshold_cd_m2, threshold_cd_m2
+from entoptic.pipeline.effects.adaptation.settings import Bleaching
+from entoptic.pipeline.threshold import cone_threshold_cd_m2, rod_threshold_cd_m2, threshold_cd_m2
 
 TAU_S = 110.0, 400.0
 """Of the return of the cones' and the rods' pigment (Pattanaik 2000; Rushton)."""

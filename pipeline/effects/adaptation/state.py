@@ -5,8 +5,8 @@ from __future__ import annotations
 import dataclasses
 import math
 
-from pipeline.effects.adaptation.courses import adapt_cd_m2, overshoot_threshold_cd_m2
-from pipeline.effects.adaptation.pigments import (
+from entoptic.pipeline.effects.adaptation.courses import adapt_cd_m2, overshoot_threshold_cd_m2
+from entoptic.pipeline.effects.adaptation.pigments import (
     PUPIL_MM,
     UNBLEACHED,
     Pigments,
@@ -14,9 +14,9 @@ from pipeline.effects.adaptation.pigments import (
     settled,
     step_pigments,
 )
-from pipeline.effects.adaptation.settings import DEFAULT, Adaptation, Bleaching, Course
-from pipeline.effects.adaptation.targets import FLOOR_CD_M2
-from pipeline.threshold import threshold_cd_m2
+from entoptic.pipeline.effects.adaptation.settings import DEFAULT, Adaptation, Bleaching, Course
+from entoptic.pipeline.effects.adaptation.targets import FLOOR_CD_M2
+from entoptic.pipeline.threshold import threshold_cd_m2
 
 
 @dataclasses.dataclass(frozen=True)

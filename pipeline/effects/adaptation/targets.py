@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.effects.adaptation.settings import DEFAULT, Adaptation, Target
-from pipeline.measure import Measurement
+from entoptic.pipeline.effects.adaptation.settings import DEFAULT, Adaptation, Target
+from entoptic.pipeline.measure import Measurement
 
 FLOOR_CD_M2 = 1e-6
 """Starlight: what an eye is adapted to in front of a black frame; KRI 4.15's ε."""

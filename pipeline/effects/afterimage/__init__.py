@@ -11,9 +11,9 @@ The light that bleaches is the scene's, in cd/m²; what is seen of it is laid ov
 moves with the measured gaze, lasts through a blink, and shows on whatever is looked at next.
 """
 
-from pipeline.effects.afterimage.bounds import passed_on, skipped
-from pipeline.effects.afterimage.retina import HALF_TD, TAU_S, Retina, rested, step
-from pipeline.effects.afterimage.settings import Afterimage
-from pipeline.effects.afterimage.show import show
+from entoptic.pipeline.effects.afterimage.bounds import passed_on, skipped
+from entoptic.pipeline.effects.afterimage.retina import HALF_TD, TAU_S, Retina, rested, step
+from entoptic.pipeline.effects.afterimage.settings import Afterimage
+from entoptic.pipeline.effects.afterimage.show import show
 
 __all__ = ["HALF_TD", "TAU_S", "Afterimage", "Retina", "passed_on", "rested", "show", "skipped", "step"]

@@ -13,11 +13,11 @@ import functools
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.effects.afterimage import geometry
-from pipeline.effects.afterimage.retina import Retina, cone_matrix
-from pipeline.effects.afterimage.seen import seen
-from pipeline.frame import LUMINANCE_WEIGHTS, View
-from pipeline.ranges import Change, Range
+from entoptic.pipeline.effects.afterimage import geometry
+from entoptic.pipeline.effects.afterimage.retina import Retina, cone_matrix
+from entoptic.pipeline.effects.afterimage.seen import seen
+from entoptic.pipeline.frame import LUMINANCE_WEIGHTS, View
+from entoptic.pipeline.ranges import Change, Range
 
 
 def skipped(range_: Range, retina: Retina, view: View, gaze_px: tuple[float, float]) -> Change:

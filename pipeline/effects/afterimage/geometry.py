@@ -16,7 +16,7 @@ import numpy as np
 from jaxtyping import Array, Float
 from numpy.typing import NDArray
 
-from pipeline.frame import View
+from entoptic.pipeline.frame import View
 
 HALF_FIELD_DEG = 75.0
 """Eccentricity that the map reaches along its axes. Engineering choice: beyond it the eye sees motion, no images."""

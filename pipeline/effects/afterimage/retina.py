@@ -18,11 +18,11 @@ import numpy as np
 from jaxtyping import Array, Float
 from numpy.typing import NDArray
 
-from pipeline.effects.adaptation import pigments
-from pipeline.effects.afterimage import geometry
-from pipeline.effects.afterimage.settings import Afterimage
-from pipeline.effects.encode import REC709, to_xyz
-from pipeline.frame import View
+from entoptic.pipeline.effects.adaptation import pigments
+from entoptic.pipeline.effects.afterimage import geometry
+from entoptic.pipeline.effects.afterimage.settings import Afterimage
+from entoptic.pipeline.effects.encode import REC709, to_xyz
+from entoptic.pipeline.frame import View
 
 TAU_S, HALF_TD = pigments.TAU_S[0], pigments.HALF_TD[0]
 """Return of the cones' pigment, and retinal illuminance that leaves half of it: measured of the L and M cones. The S

@@ -20,10 +20,10 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from pipeline.effects.afterimage import geometry
-from pipeline.effects.afterimage.retina import Retina, cone_matrix
-from pipeline.frame import View
-from pipeline.threshold import cone_threshold_cd_m2
+from entoptic.pipeline.effects.afterimage import geometry
+from entoptic.pipeline.effects.afterimage.retina import Retina, cone_matrix
+from entoptic.pipeline.frame import View
+from entoptic.pipeline.threshold import cone_threshold_cd_m2
 
 LOG10_RISE = 3.0
 """By how much the logarithm of the cones' threshold rises where all is bleached (Rushton 1965)."""

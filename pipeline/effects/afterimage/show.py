@@ -10,10 +10,10 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from pipeline.effects.afterimage import geometry
-from pipeline.effects.afterimage.retina import Retina, cone_matrix
-from pipeline.effects.afterimage.seen import seen
-from pipeline.frame import View
+from entoptic.pipeline.effects.afterimage import geometry
+from entoptic.pipeline.effects.afterimage.retina import Retina, cone_matrix
+from entoptic.pipeline.effects.afterimage.seen import seen
+from entoptic.pipeline.frame import View
 
 
 def show(

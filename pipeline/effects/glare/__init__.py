@@ -19,14 +19,14 @@ import dataclasses
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from pipeline.effects.glare import convolve, light_glare, reference, sources, veil, window
-from pipeline.effects.glare.kernel import Mixture
-from pipeline.effects.glare.models import GlareModel, mixture
-from pipeline.effects.glare.settings import Glare, GlareLevel
-from pipeline.frame import Light, View
-from pipeline.measure import Measurement, luminance
-from pipeline.observer import Observer
-from pipeline.optics.aperture import Pose
+from entoptic.pipeline.effects.glare import convolve, light_glare, reference, sources, veil, window
+from entoptic.pipeline.effects.glare.kernel import Mixture
+from entoptic.pipeline.effects.glare.models import GlareModel, mixture
+from entoptic.pipeline.effects.glare.settings import Glare, GlareLevel
+from entoptic.pipeline.frame import Light, View
+from entoptic.pipeline.measure import Measurement, luminance
+from entoptic.pipeline.observer import Observer
+from entoptic.pipeline.optics.aperture import Pose
 
 __all__ = ["Glare", "GlareLevel", "GlareModel", "Mixture", "Sight", "mixture", "scatter"]
 

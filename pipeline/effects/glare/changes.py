@@ -14,14 +14,14 @@ import numpy as np
 import scipy.ndimage
 from numpy.typing import NDArray
 
-from pipeline.effects.glare.kernel import Mixture, Veil
-from pipeline.effects.glare.settings import GlareLevel
-from pipeline.effects.glare.veil import amounts
-from pipeline.effects.glare.window import falloff, float32_limit_cd_m2, window_of
-from pipeline.frame import View
-from pipeline.measure import SOURCE_RATIO, Measurement
-from pipeline.optics import radial
-from pipeline.ranges import Change, Range
+from entoptic.pipeline.effects.glare.kernel import Mixture, Veil
+from entoptic.pipeline.effects.glare.settings import GlareLevel
+from entoptic.pipeline.effects.glare.veil import amounts
+from entoptic.pipeline.effects.glare.window import falloff, float32_limit_cd_m2, window_of
+from entoptic.pipeline.frame import View
+from entoptic.pipeline.measure import SOURCE_RATIO, Measurement
+from entoptic.pipeline.optics import radial
+from entoptic.pipeline.ranges import Change, Range
 
 VEIL_MARGIN = 0.1
 """Of what a veil brings: its tiles are up to 2 % off at 9–10° (docs/optics.md), and the share that comes from within

@@ -16,7 +16,7 @@ import numpy as np
 from jaxtyping import Array, Complex, Float
 from numpy.typing import NDArray
 
-from pipeline.effects.glare.kernel import Component, Mixture
+from entoptic.pipeline.effects.glare.kernel import Component, Mixture
 
 KEPT = 2
 """Transforms kept of a component: of one view at two precisions. At 1440×1600 one takes 38 MB, of a frame 94 MB."""

@@ -19,8 +19,8 @@ import numpy as np
 from jaxtyping import Array, Float
 from numpy.typing import NDArray
 
-from pipeline.frame import LUMINANCE_WEIGHTS
-from pipeline.optics import whole
+from entoptic.pipeline.frame import LUMINANCE_WEIGHTS
+from entoptic.pipeline.optics import whole
 
 Formula = Callable[..., NDArray[np.float64]]
 """One of analytic.py's densities: of the angle in degrees and its parameters."""

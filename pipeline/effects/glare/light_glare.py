@@ -15,13 +15,13 @@ import numpy as np
 from jaxtyping import Array, Float
 from numpy.typing import NDArray
 
-from pipeline.effects.glare import models
-from pipeline.effects.glare.kernel import Veil
-from pipeline.effects.glare.lights import SUBPIXELS, Falloff, LightMixture, PointKernel, draw_lights
-from pipeline.frame import Light, View
-from pipeline.observer import Observer
-from pipeline.optics import light_spectra, whole
-from pipeline.optics.aperture import Pose
+from entoptic.pipeline.effects.glare import models
+from entoptic.pipeline.effects.glare.kernel import Veil
+from entoptic.pipeline.effects.glare.lights import SUBPIXELS, Falloff, LightMixture, PointKernel, draw_lights
+from entoptic.pipeline.frame import Light, View
+from entoptic.pipeline.observer import Observer
+from entoptic.pipeline.optics import light_spectra, whole
+from entoptic.pipeline.optics.aperture import Pose
 
 STRIDE_DEG = 0.6
 """The veil of a light is computed at points this far apart, 8 pixels at most, and linear between. Engineering choice: a

@@ -23,8 +23,8 @@ import numpy as np
 from jaxtyping import Array, Float
 from numpy.typing import NDArray
 
-from pipeline.effects.glare import stamp
-from pipeline.frame import Light, View
+from entoptic.pipeline.effects.glare import stamp
+from entoptic.pipeline.frame import Light, View
 
 SUBPIXELS = 5
 """Parts of a pixel along each side. Odd, so that a light in the middle of a pixel is what that pixel would be."""

@@ -11,12 +11,12 @@ import numpy as np
 from jaxtyping import Array, Complex, Float
 from numpy.typing import NDArray
 
-from pipeline.effects.glare.kernel import Component, Formula, Mixture, Veil, component
-from pipeline.frame import LUMINANCE_WEIGHTS
-from pipeline.observer import Observer
-from pipeline.optics import analytic, diffraction, flare_lines, light_spectra, radial, whole
-from pipeline.optics.aperture import Pose, legal_pupil_mm, planes, pupil_plane
-from pipeline.optics.flare_lines import Flare
+from entoptic.pipeline.effects.glare.kernel import Component, Formula, Mixture, Veil, component
+from entoptic.pipeline.frame import LUMINANCE_WEIGHTS
+from entoptic.pipeline.observer import Observer
+from entoptic.pipeline.optics import analytic, diffraction, flare_lines, light_spectra, radial, whole
+from entoptic.pipeline.optics.aperture import Pose, legal_pupil_mm, planes, pupil_plane
+from entoptic.pipeline.optics.flare_lines import Flare
 
 GRID = 2048
 """Samples along the pupil plane: the least power of two that resolves the lens fibres."""

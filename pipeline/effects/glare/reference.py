@@ -21,14 +21,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pipeline.effects.glare import convolve, models, veil
-from pipeline.effects.glare.kernel import Mixture, Veil
-from pipeline.effects.glare.models import GlareModel
-from pipeline.frame import LUMINANCE_WEIGHTS, View
-from pipeline.optics import radial
+from entoptic.pipeline.effects.glare import convolve, models, veil
+from entoptic.pipeline.effects.glare.kernel import Mixture, Veil
+from entoptic.pipeline.effects.glare.models import GlareModel
+from entoptic.pipeline.frame import LUMINANCE_WEIGHTS, View
+from entoptic.pipeline.optics import radial
 
 if TYPE_CHECKING:
-    from pipeline.effects.glare import Sight
+    from entoptic.pipeline.effects.glare import Sight
 
 BRIGHTEST = 256
 """Pixels summed one by one. Engineering choice: more than the sun's disc has at 14 pixels per degree, in 2 s."""

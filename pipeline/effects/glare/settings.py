@@ -6,8 +6,8 @@ import enum
 
 import msgspec
 
-from pipeline.effects.glare.lights import Falloff
-from pipeline.effects.glare.models import GlareModel
+from entoptic.pipeline.effects.glare.lights import Falloff
+from entoptic.pipeline.effects.glare.models import GlareModel
 
 
 class GlareLevel(enum.StrEnum):

@@ -12,9 +12,9 @@ import numpy as np
 from jaxtyping import Array, Float
 from numpy.typing import NDArray
 
-from pipeline.effects.glare import convolve, stamp
-from pipeline.effects.glare.kernel import Mixture
-from pipeline.measure import SOURCE_RATIO, Measurement
+from entoptic.pipeline.effects.glare import convolve, stamp
+from entoptic.pipeline.effects.glare.kernel import Mixture
+from entoptic.pipeline.measure import SOURCE_RATIO, Measurement
 
 MOST_SOURCES = 128
 """Pixels taken at most. Engineering choice: more take longer than the window's FFT."""

@@ -13,10 +13,10 @@ import numpy as np
 from jaxtyping import Array, Float, Int
 from numpy.typing import NDArray
 
-from pipeline.effects.glare import convolve
-from pipeline.effects.glare.kernel import Mixture
-from pipeline.frame import LUMINANCE_WEIGHTS
-from pipeline.measure import luminance
+from entoptic.pipeline.effects.glare import convolve
+from entoptic.pipeline.effects.glare.kernel import Mixture
+from entoptic.pipeline.frame import LUMINANCE_WEIGHTS
+from entoptic.pipeline.measure import luminance
 
 AT_ONCE = 256
 """Stamps of one call: their number is compiled in, how many of them are used is not."""

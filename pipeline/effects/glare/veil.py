@@ -17,9 +17,9 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from pipeline.effects.glare import veil_tiles
-from pipeline.effects.glare.kernel import Mixture, Veil
-from pipeline.frame import View
+from entoptic.pipeline.effects.glare import veil_tiles
+from entoptic.pipeline.effects.glare.kernel import Mixture, Veil
+from entoptic.pipeline.frame import View
 
 
 class Side(NamedTuple):

@@ -22,9 +22,9 @@ import numpy as np
 import scipy.sparse
 from numpy.typing import NDArray
 
-from pipeline.effects.glare.kernel import Veil
-from pipeline.frame import View
-from pipeline.optics import radial
+from entoptic.pipeline.effects.glare.kernel import Veil
+from entoptic.pipeline.frame import View
+from entoptic.pipeline.optics import radial
 
 TILES = 88
 """Along the longer side at most: 1.5° in the middle of a view of 104°. Engineering choice: the matrices of a square

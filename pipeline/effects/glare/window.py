@@ -28,10 +28,10 @@ import scipy.fft
 from jaxtyping import Array, Float, Int
 from numpy.typing import NDArray
 
-from pipeline.effects.glare import convolve, stamp
-from pipeline.effects.glare.kernel import Mixture
-from pipeline.frame import View
-from pipeline.measure import Measurement, luminance
+from entoptic.pipeline.effects.glare import convolve, stamp
+from entoptic.pipeline.effects.glare.kernel import Mixture
+from entoptic.pipeline.frame import View
+from entoptic.pipeline.measure import Measurement, luminance
 
 WINDOW_PX = 1024
 """Side of the gaze window's FFT on LUI's display (LUI §5.2.3)."""

@@ -7,8 +7,8 @@ shift.py      the effect
 bounds.py     how much it may change at most, for the planner
 """
 
-from pipeline.effects.night_colour.settings import NightColour, NightMethod
-from pipeline.effects.night_colour.shift import night_tint, shift
-from pipeline.effects.night_colour.tints import TINT
+from entoptic.pipeline.effects.night_colour.settings import NightColour, NightMethod
+from entoptic.pipeline.effects.night_colour.shift import night_tint, shift
+from entoptic.pipeline.effects.night_colour.tints import TINT
 
 __all__ = ["TINT", "NightColour", "NightMethod", "night_tint", "shift"]

@@ -12,12 +12,12 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.effects.night_colour.settings import NightColour, NightMethod
-from pipeline.effects.night_colour.share import adapted_share, largest_step, share
-from pipeline.effects.night_colour.tints import BLUE_XY, tint, weights
-from pipeline.frame import LUMINANCE_WEIGHTS, FrameError
-from pipeline.primaries import SUM_WEIGHTS
-from pipeline.ranges import Change, Range
+from entoptic.pipeline.effects.night_colour.settings import NightColour, NightMethod
+from entoptic.pipeline.effects.night_colour.share import adapted_share, largest_step, share
+from entoptic.pipeline.effects.night_colour.tints import BLUE_XY, tint, weights
+from entoptic.pipeline.frame import LUMINANCE_WEIGHTS, FrameError
+from entoptic.pipeline.primaries import SUM_WEIGHTS
+from entoptic.pipeline.ranges import Change, Range
 
 Tiles = NDArray[np.float64]
 

@@ -12,9 +12,9 @@ import jax.numpy as jnp
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline import mesopic
-from pipeline.effects.night_colour.settings import NightColour, NightMethod
-from pipeline.mesopic import HALF_CD_M2
+from entoptic.pipeline import mesopic
+from entoptic.pipeline.effects.night_colour.settings import NightColour, NightMethod
+from entoptic.pipeline.mesopic import HALF_CD_M2
 
 Values = TypeVar("Values", NDArray[np.float64], jax.Array)
 

@@ -17,12 +17,12 @@ import numpy as np
 from jaxtyping import Array, Float
 from numpy.typing import NDArray
 
-from pipeline.effects.night_colour.settings import NightColour, NightMethod
-from pipeline.effects.night_colour.share import adapted_share, share
-from pipeline.effects.night_colour.tints import BLUE_XY, TINT, tint, weights
-from pipeline.frame import LUMINANCE_WEIGHTS, FrameError
-from pipeline.measure import luminance
-from pipeline.primaries import SUM_WEIGHTS
+from entoptic.pipeline.effects.night_colour.settings import NightColour, NightMethod
+from entoptic.pipeline.effects.night_colour.share import adapted_share, share
+from entoptic.pipeline.effects.night_colour.tints import BLUE_XY, TINT, tint, weights
+from entoptic.pipeline.frame import LUMINANCE_WEIGHTS, FrameError
+from entoptic.pipeline.measure import luminance
+from entoptic.pipeline.primaries import SUM_WEIGHTS
 
 
 def shift(

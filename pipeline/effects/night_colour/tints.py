@@ -7,10 +7,10 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.effects.night_colour.settings import NightMethod
-from pipeline.frame import LUMINANCE_WEIGHTS
-from pipeline.mesopic import SCOTOPIC_WEIGHTS, WHITE_RATIO
-from pipeline.primaries import XYZ_TO_RGB
+from entoptic.pipeline.effects.night_colour.settings import NightMethod
+from entoptic.pipeline.frame import LUMINANCE_WEIGHTS
+from entoptic.pipeline.mesopic import SCOTOPIC_WEIGHTS, WHITE_RATIO
+from entoptic.pipeline.primaries import XYZ_TO_RGB
 
 TINT = (1.05, 0.97, 1.27)
 """LUI 5.18."""

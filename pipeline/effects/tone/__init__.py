@@ -9,17 +9,17 @@ bounds.py    what tone mapping makes of a range of values and of a change
 code_values.py  what that is in code values
 """
 
-from pipeline.effects.tone.bounds import passed_on, shown
-from pipeline.effects.tone.code_values import code_values
-from pipeline.effects.tone.filmic import (
+from entoptic.pipeline.effects.tone.bounds import passed_on, shown
+from entoptic.pipeline.effects.tone.code_values import code_values
+from entoptic.pipeline.effects.tone.filmic import (
     MIDDLE_GREY,
     REFERENCE_PEAK_CD_M2,
     aces,
     ceiling_cd_m2,
     display_scale,
 )
-from pipeline.effects.tone.settings import Hue, Operator, Tone
-from pipeline.effects.tone.show import full_cd_m2, show
+from entoptic.pipeline.effects.tone.settings import Hue, Operator, Tone
+from entoptic.pipeline.effects.tone.show import full_cd_m2, show
 
 __all__ = [
     "MIDDLE_GREY",

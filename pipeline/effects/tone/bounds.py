@@ -7,13 +7,13 @@ import dataclasses
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.effects.tone import durand, filmic, own_curve, reinhard
-from pipeline.effects.tone.hue import WEIGHTS, change_within, range_within
-from pipeline.effects.tone.settings import Hue, Operator, Tone
-from pipeline.effects.tone.show import coefficients
-from pipeline.frame import Display
-from pipeline.mesopic import HALF_CD_M2
-from pipeline.ranges import Change, Range
+from entoptic.pipeline.effects.tone import durand, filmic, own_curve, reinhard
+from entoptic.pipeline.effects.tone.hue import WEIGHTS, change_within, range_within
+from entoptic.pipeline.effects.tone.settings import Hue, Operator, Tone
+from entoptic.pipeline.effects.tone.show import coefficients
+from entoptic.pipeline.frame import Display
+from entoptic.pipeline.mesopic import HALF_CD_M2
+from entoptic.pipeline.ranges import Change, Range
 
 Tiles = NDArray[np.float64]
 

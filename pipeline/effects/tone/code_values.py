@@ -8,8 +8,8 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.display_light import black_share
-from pipeline.effects.encode import (
+from entoptic.pipeline.display_light import black_share
+from entoptic.pipeline.effects.encode import (
     P3,
     PQ_CODES,
     PQ_PEAK_CD_M2,
@@ -20,8 +20,8 @@ from pipeline.effects.encode import (
     pq_signal,
     srgb_signal,
 )
-from pipeline.frame import Display, Encoding
-from pipeline.ranges import Change, Range
+from entoptic.pipeline.frame import Display, Encoding
+from entoptic.pipeline.ranges import Change, Range
 
 
 def code_values(change: Change, shown_: Range, display: Display) -> NDArray[np.float64]:

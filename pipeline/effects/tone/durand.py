@@ -10,13 +10,13 @@ import numpy as np
 from jaxtyping import Array, Float
 from numpy.typing import NDArray
 
-from pipeline.display_light import seen_peak_cd_m2, viewer_cd_m2
-from pipeline.effects.tone.hue import weighted
-from pipeline.frame import LUMINANCE_WEIGHTS, Display
-from pipeline.mesopic import HALF_CD_M2, LARSON, larson_ratio
-from pipeline.primaries import X_WEIGHTS, Z_WEIGHTS
-from pipeline.ranges import Range
-from pipeline.threshold import cone_threshold_cd_m2, rod_threshold_cd_m2
+from entoptic.pipeline.display_light import seen_peak_cd_m2, viewer_cd_m2
+from entoptic.pipeline.effects.tone.hue import weighted
+from entoptic.pipeline.frame import LUMINANCE_WEIGHTS, Display
+from entoptic.pipeline.mesopic import HALF_CD_M2, LARSON, larson_ratio
+from entoptic.pipeline.primaries import X_WEIGHTS, Z_WEIGHTS
+from entoptic.pipeline.ranges import Range
+from entoptic.pipeline.threshold import cone_threshold_cd_m2, rod_threshold_cd_m2
 
 LEAST_RATIO, LARGEST_RATIO = 0.3978, 7.187
 """V/Y of red and of blue light, between which every other lies, rounded outwards."""

@@ -9,8 +9,8 @@ import numpy as np
 from jaxtyping import Array, Float
 from numpy.typing import NDArray
 
-from pipeline.effects.tone.settings import Hue
-from pipeline.frame import LUMINANCE_WEIGHTS
+from entoptic.pipeline.effects.tone.settings import Hue
+from entoptic.pipeline.frame import LUMINANCE_WEIGHTS
 
 WEIGHTS = np.array(LUMINANCE_WEIGHTS)
 

@@ -15,7 +15,7 @@ from jaxtyping import Array, Float
 from numpy.typing import NDArray
 from scipy.interpolate import PchipInterpolator
 
-from pipeline.frame import FrameError
+from entoptic.pipeline.frame import FrameError
 
 SAMPLES = 2048
 """Of a curve, evenly over its decades. Engineering choice: over ten decades a straight line between two of them leaves

@@ -8,10 +8,10 @@ import numpy as np
 from jaxtyping import Array, Float
 from numpy.typing import NDArray
 
-from pipeline.display_light import seen_peak_cd_m2
-from pipeline.effects.adaptation import exposure
-from pipeline.effects.tone.filmic import MIDDLE_GREY, REFERENCE_PEAK_CD_M2
-from pipeline.frame import Display
+from entoptic.pipeline.display_light import seen_peak_cd_m2
+from entoptic.pipeline.effects.adaptation import exposure
+from entoptic.pipeline.effects.tone.filmic import MIDDLE_GREY, REFERENCE_PEAK_CD_M2
+from entoptic.pipeline.frame import Display
 
 
 def coefficients(adapted_cd_m2: float, white: float, display: Display) -> tuple[float, float]:

@@ -10,12 +10,12 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from pipeline.display_light import seen_peak_cd_m2
-from pipeline.effects.adaptation import exposure
-from pipeline.effects.tone import durand, filmic, own_curve, reinhard, ward
-from pipeline.effects.tone.hue import divisor, weighted
-from pipeline.effects.tone.settings import Hue, Operator, Tone
-from pipeline.frame import LUMINANCE_WEIGHTS, Display
+from entoptic.pipeline.display_light import seen_peak_cd_m2
+from entoptic.pipeline.effects.adaptation import exposure
+from entoptic.pipeline.effects.tone import durand, filmic, own_curve, reinhard, ward
+from entoptic.pipeline.effects.tone.hue import divisor, weighted
+from entoptic.pipeline.effects.tone.settings import Hue, Operator, Tone
+from entoptic.pipeline.frame import LUMINANCE_WEIGHTS, Display
 
 _BRIGHTEST = 1e15
 """cd/m². A million suns: products of what is brighter would overflow."""

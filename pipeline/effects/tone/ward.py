@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from pipeline.display_light import seen_peak_cd_m2, viewer_cd_m2
-from pipeline.effects.adaptation import overshoot_threshold_cd_m2
-from pipeline.frame import Display
-from pipeline.threshold import cone_threshold_cd_m2, threshold_cd_m2
+from entoptic.pipeline.display_light import seen_peak_cd_m2, viewer_cd_m2
+from entoptic.pipeline.effects.adaptation import overshoot_threshold_cd_m2
+from entoptic.pipeline.frame import Display
+from entoptic.pipeline.threshold import cone_threshold_cd_m2, threshold_cd_m2
 
 
 def coefficients(adapted_cd_m2: float, target_cd_m2: float, display: Display) -> tuple[float, float]:

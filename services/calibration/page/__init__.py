@@ -29,10 +29,10 @@ from starlette.responses import FileResponse
 from starlette.routing import BaseRoute, Route, WebSocketRoute
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
-from services.calibration.display import MAX_ANSWER_BYTES
-from services.origin import is_own_origin
-from tracker_bridge.access import ClientKeys
-from tracker_bridge.publisher import PortInUseError
+from entoptic.services.calibration.display import MAX_ANSWER_BYTES
+from entoptic.services.origin import is_own_origin
+from entoptic.tracker_bridge.access import ClientKeys
+from entoptic.tracker_bridge.publisher import PortInUseError
 
 _FOLDER = Path(__file__).parent
 _FILES = {"/": "page.html", "/page.css": "page.css", "/page.js": "page.js"}

@@ -9,8 +9,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pipeline.budget import Option, choose, counted_error
-from pipeline.budget.choose import Options
+from entoptic.pipeline.budget import Option, choose, counted_error
+from entoptic.pipeline.budget.choose import Options
 
 LADDER = {
     "glare": (

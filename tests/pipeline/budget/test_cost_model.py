@@ -12,7 +12,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pipeline.budget import (
+from entoptic.pipeline.budget import (
     SHIPPED,
     Choice,
     Cost,
@@ -28,12 +28,12 @@ from pipeline.budget import (
     save,
     settle,
 )
-from pipeline.budget.costs import CORRECTION, FORGETTING, OUTLIER, SLOWEST
-from pipeline.effects.glare import GlareLevel
-from pipeline.effects.night_colour import NightMethod
-from pipeline.effects.tone import Operator
-from pipeline.frame import FrameError
-from pipeline.plan import Effect
+from entoptic.pipeline.budget.costs import CORRECTION, FORGETTING, OUTLIER, SLOWEST
+from entoptic.pipeline.effects.glare import GlareLevel
+from entoptic.pipeline.effects.night_colour import NightMethod
+from entoptic.pipeline.effects.tone import Operator
+from entoptic.pipeline.frame import FrameError
+from entoptic.pipeline.plan import Effect
 
 MODEL = CostModel(
     {

@@ -11,9 +11,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pipeline.budget import Choice, Option, choose, settle
-from pipeline.budget.choose import Options
-from pipeline.budget.steady import CALM_S, FADE_S
+from entoptic.pipeline.budget import Choice, Option, choose, settle
+from entoptic.pipeline.budget.choose import Options
+from entoptic.pipeline.budget.steady import CALM_S, FADE_S
 
 FRAME_S = 1 / 24
 

@@ -7,19 +7,19 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from pipeline.cost import scenes
-from pipeline.cost.plain import acuity, adaptation, glare, night_colour, tone, whole
-from pipeline.effects import acuity as own_acuity
-from pipeline.effects import adaptation as own_adaptation
-from pipeline.effects import night_colour as own_night_colour
-from pipeline.effects import tone as own_tone
-from pipeline.effects.encode import srgb_codes
-from pipeline.effects.glare.kernel import component
-from pipeline.effects.glare.models import GlareModel, mixture
-from pipeline.effects.glare.reference import of_mixture, reference_glare
-from pipeline.frame import View
-from pipeline.observer import Observer
-from pipeline.optics.aperture import Pose
+from entoptic.pipeline.cost import scenes
+from entoptic.pipeline.cost.plain import acuity, adaptation, glare, night_colour, tone, whole
+from entoptic.pipeline.effects import acuity as own_acuity
+from entoptic.pipeline.effects import adaptation as own_adaptation
+from entoptic.pipeline.effects import night_colour as own_night_colour
+from entoptic.pipeline.effects import tone as own_tone
+from entoptic.pipeline.effects.encode import srgb_codes
+from entoptic.pipeline.effects.glare.kernel import component
+from entoptic.pipeline.effects.glare.models import GlareModel, mixture
+from entoptic.pipeline.effects.glare.reference import of_mixture, reference_glare
+from entoptic.pipeline.frame import View
+from entoptic.pipeline.observer import Observer
+from entoptic.pipeline.optics.aperture import Pose
 
 VIEW = View(40, 36, 60.0)
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from pipeline.cost import landscape, rooms, scenes
-from pipeline.frame import LUMINANCE_WEIGHTS, View
+from entoptic.pipeline.cost import landscape, rooms, scenes
+from entoptic.pipeline.frame import LUMINANCE_WEIGHTS, View
 
 SMALL = View(72, 80)
 

@@ -10,12 +10,12 @@ import math
 import numpy as np
 import pytest
 
-from pipeline.cost import everything, scenes, whole_frame
-from pipeline.cost.errors import Errors
-from pipeline.cost.ways import EFFECTS, Row, Stage, measure_ways
-from pipeline.cost.ways.way import NO_ERRORS, SKIPPED, Way, Ways
-from pipeline.cost.whole_frame import ALWAYS, COMBINATIONS, Combination, Whole, choose, front, time_of
-from pipeline.plan import Effect
+from entoptic.pipeline.cost import everything, scenes, whole_frame
+from entoptic.pipeline.cost.errors import Errors
+from entoptic.pipeline.cost.ways import EFFECTS, Row, Stage, measure_ways
+from entoptic.pipeline.cost.ways.way import NO_ERRORS, SKIPPED, Way, Ways
+from entoptic.pipeline.cost.whole_frame import ALWAYS, COMBINATIONS, Combination, Whole, choose, front, time_of
+from entoptic.pipeline.plan import Effect
 
 SIZE = (24, 26)
 

@@ -6,8 +6,8 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from pipeline.effects import encode as module
-from pipeline.effects.encode import (
+from entoptic.pipeline.effects import encode as module
+from entoptic.pipeline.effects.encode import (
     P3,
     REC709,
     REC2020,
@@ -19,7 +19,7 @@ from pipeline.effects.encode import (
     srgb_signal,
     staircase,
 )
-from pipeline.frame import Display, Encoding
+from entoptic.pipeline.frame import Display, Encoding
 
 SRGB, LINEAR = Display(encoding=Encoding.SRGB), Display(encoding=Encoding.LINEAR)
 

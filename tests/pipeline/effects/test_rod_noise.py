@@ -11,7 +11,7 @@ import scipy.stats
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pipeline.effects.rod_noise import (
+from entoptic.pipeline.effects.rod_noise import (
     INTEGRATION_S,
     LARGEST,
     RODS_PER_DEG2,
@@ -21,9 +21,9 @@ from pipeline.effects.rod_noise import (
     passed_on,
     skipped,
 )
-from pipeline.frame import LUMINANCE_WEIGHTS, FrameError
-from pipeline.mesopic import WHITE_RATIO
-from pipeline.ranges import Change, Range
+from entoptic.pipeline.frame import LUMINANCE_WEIGHTS, FrameError
+from entoptic.pipeline.mesopic import WHITE_RATIO
+from entoptic.pipeline.ranges import Change, Range
 
 PUPIL_MM = 7.0
 GRAIN_PX = 4

@@ -10,8 +10,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import special
 
-from pipeline.observer import Iris
-from pipeline.optics import analytic, radial
+from entoptic.pipeline.observer import Iris
+from entoptic.pipeline.optics import analytic, radial
 
 AGES = (20.0, 40.0, 60.0, 80.0)
 CPD = np.array([0.0, 0.01, 0.1, 0.3, 0.49, 0.51, 1.0, 3.0, 10.0, 30.0, 60.0])

@@ -6,9 +6,9 @@ import jax
 import numpy as np
 import pytest
 
-from pipeline.observer import Observer
-from pipeline.optics import OpticsError, aperture, lens
-from pipeline.optics.aperture import Pose
+from entoptic.pipeline.observer import Observer
+from entoptic.pipeline.optics import OpticsError, aperture, lens
+from entoptic.pipeline.optics.aperture import Pose
 
 N = 2048
 PARTS = {"cornea_cells": 5400, "particles": 1000, "vitreous_particles": 250, "gratings": 200}

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from scipy.integrate import quad
 from scipy.special import j1
 
-from pipeline.optics import coverage
+from entoptic.pipeline.optics import coverage
 
 SIZES = st.sampled_from([64, 101, 256])
 PLACE = st.floats(-3.5e-3, 3.5e-3)

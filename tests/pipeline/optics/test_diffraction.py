@@ -13,9 +13,9 @@ from hypothesis import strategies as st
 from scipy.optimize import brentq
 from scipy.special import j1, jv
 
-from pipeline.observer import Observer
-from pipeline.optics import OpticsError, aperture, diffraction
-from pipeline.optics.aperture import PLANE_M, Pose
+from entoptic.pipeline.observer import Observer
+from entoptic.pipeline.optics import OpticsError, aperture, diffraction
+from entoptic.pipeline.optics.aperture import PLANE_M, Pose
 
 N = 512
 DARK_RINGS = (1.2197, 2.2331, 3.2383)

@@ -6,8 +6,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.ndimage import gaussian_filter, map_coordinates
 
-from pipeline.optics import analytic, flare_lines, radial
-from pipeline.optics.flare_lines import NEIGHBOURHOOD_PX, SPACING_PX, Flare
+from entoptic.pipeline.optics import analytic, flare_lines, radial
+from entoptic.pipeline.optics.flare_lines import NEIGHBOURHOOD_PX, SPACING_PX, Flare
 
 RADIUS_PX = 100
 

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 import scipy.fft
 
-from pipeline.observer import Observer
-from pipeline.optics import OpticsError, aperture, coverage, lens, lens_springs
-from pipeline.optics.aperture import Pose
+from entoptic.pipeline.observer import Observer
+from entoptic.pipeline.optics import OpticsError, aperture, coverage, lens, lens_springs
+from entoptic.pipeline.optics.aperture import Pose
 
 FIBRES = {"particles": 0, "cornea_cells": 0, "vitreous_particles": 0}
 N = 2048

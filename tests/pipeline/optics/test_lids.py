@@ -4,10 +4,10 @@ import msgspec
 import numpy as np
 import pytest
 
-from pipeline.observer import Observer
-from pipeline.optics import aperture, coverage, lids
-from pipeline.optics.aperture import Pose
-from tracker_bridge.openness import estimated_openness
+from entoptic.pipeline.observer import Observer
+from entoptic.pipeline.optics import aperture, coverage, lids
+from entoptic.pipeline.optics.aperture import Pose
+from entoptic.tracker_bridge.openness import estimated_openness
 
 BARE = Observer(particles=0, cornea_cells=0, vitreous_particles=0, gratings=0)
 N = 512

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pipeline.optics import OpticsError, light_spectra
+from entoptic.pipeline.optics import OpticsError, light_spectra
 
 LUMINANCE = np.asarray(colour.RGB_COLOURSPACES["ITU-R BT.709"].matrix_RGB_to_XYZ)[1]
 

@@ -9,10 +9,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pipeline.observer import Living, Observer
-from pipeline.optics import living
-from pipeline.optics.aperture import Pose
-from pipeline.optics.living import Kick, LivingState, at_rest, pose_of, step
+from entoptic.pipeline.observer import Living, Observer
+from entoptic.pipeline.optics import living
+from entoptic.pipeline.optics.aperture import Pose
+from entoptic.pipeline.optics.living import Kick, LivingState, at_rest, pose_of, step
 
 SQUINT = Observer().squint_openness
 SWITCHES = Living.__struct_fields__

@@ -9,11 +9,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.linalg import expm
 
-from pipeline.optics import OpticsError, lens_springs, vitreous_motion
-from pipeline.optics.damped import free_motion
-from pipeline.optics.lens_springs import LensState, radial_m
-from pipeline.optics.microfluctuations import Tones
-from pipeline.optics.vitreous_motion import Kick, VitreousState
+from entoptic.pipeline.optics import OpticsError, lens_springs, vitreous_motion
+from entoptic.pipeline.optics.damped import free_motion
+from entoptic.pipeline.optics.lens_springs import LensState, radial_m
+from entoptic.pipeline.optics.microfluctuations import Tones
+from entoptic.pipeline.optics.vitreous_motion import Kick, VitreousState
 
 ratios = st.one_of(
     st.floats(0.0, 8.0), st.sampled_from([1.0, math.nextafter(1.0, 0.0), math.nextafter(1.0, 2.0), 1 + 1e-9, 1 - 1e-9])

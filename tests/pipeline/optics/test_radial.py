@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pipeline.optics import analytic, radial
+from entoptic.pipeline.optics import analytic, radial
 
 CIE = functools.partial(analytic.cie135, age_years=30.0, pigmentation=0.5)
 DENSITIES = {

@@ -9,9 +9,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pipeline.observer import Observer
-from pipeline.optics import aperture, diffraction, light_spectra, spectrum
-from pipeline.optics.aperture import PLANE_M, Pose
+from entoptic.pipeline.observer import Observer
+from entoptic.pipeline.optics import aperture, diffraction, light_spectra, spectrum
+from entoptic.pipeline.optics.aperture import PLANE_M, Pose
 
 LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
 N = 512

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from pipeline.observer import Observer
-from pipeline.optics import coverage, vitreous
+from entoptic.pipeline.observer import Observer
+from entoptic.pipeline.optics import coverage, vitreous
 
 
 def shadows(observer: Observer, deg: tuple[float, float], monkeypatch: pytest.MonkeyPatch) -> tuple[np.ndarray, ...]:

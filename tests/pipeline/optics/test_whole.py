@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from pipeline import Observer
-from pipeline.effects.glare import models
-from pipeline.frame import LUMINANCE_WEIGHTS
-from pipeline.optics import analytic, light_spectra, radial, whole
-from pipeline.optics.aperture import Pose
+from entoptic.pipeline import Observer
+from entoptic.pipeline.effects.glare import models
+from entoptic.pipeline.frame import LUMINANCE_WEIGHTS
+from entoptic.pipeline.optics import analytic, light_spectra, radial, whole
+from entoptic.pipeline.optics.aperture import Pose
 
 N = 512
 CLEAR = Observer(particles=0, cornea_cells=0, vitreous_particles=0, gratings=0)

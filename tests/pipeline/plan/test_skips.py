@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pipeline import (
+from entoptic.pipeline import (
     Display,
     Effects,
     Encoding,
@@ -26,19 +26,19 @@ from pipeline import (
     RenderState,
     perceive,
 )
-from pipeline.budget import Choice
-from pipeline.cost.scenes import SCENES, scene
-from pipeline.display_light import black_share
-from pipeline.effects.acuity import Acuity, AcuityMethod
-from pipeline.effects.adaptation import Adaptation, Bleaching, Course
-from pipeline.effects.afterimage import Afterimage
-from pipeline.effects.night_colour import NightColour, NightMethod
-from pipeline.effects.rod_noise import RodNoise
-from pipeline.effects.tone import Hue, Operator, Tone
-from pipeline.plan import OFF, SKIPPED, Effect
-from pipeline.scenes import open_scene
-from pipeline.scenes.scene import Head
-from tracker_bridge.wire import Eye
+from entoptic.pipeline.budget import Choice
+from entoptic.pipeline.cost.scenes import SCENES, scene
+from entoptic.pipeline.display_light import black_share
+from entoptic.pipeline.effects.acuity import Acuity, AcuityMethod
+from entoptic.pipeline.effects.adaptation import Adaptation, Bleaching, Course
+from entoptic.pipeline.effects.afterimage import Afterimage
+from entoptic.pipeline.effects.night_colour import NightColour, NightMethod
+from entoptic.pipeline.effects.rod_noise import RodNoise
+from entoptic.pipeline.effects.tone import Hue, Operator, Tone
+from entoptic.pipeline.plan import OFF, SKIPPED, Effect
+from entoptic.pipeline.scenes import open_scene
+from entoptic.pipeline.scenes.scene import Head
+from entoptic.tracker_bridge.wire import Eye
 
 HDR = Path(__file__).resolve().parents[4] / "shared" / "data" / "hdr"
 ROUNDING = 0.02

@@ -2,7 +2,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from pipeline.scenes.discs import add_discs
+from entoptic.pipeline.scenes.discs import add_discs
 
 
 def drawn(x_px: float, y_px: float, radius_px: float, half: int = 12) -> np.ndarray:

@@ -6,9 +6,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pipeline.frame import FrameError
-from pipeline.scenes.head_path import HEAD_TIME_CONSTANT_S, follow, open_head_path
-from pipeline.scenes.scene import Head
+from entoptic.pipeline.frame import FrameError
+from entoptic.pipeline.scenes.head_path import HEAD_TIME_CONSTANT_S, follow, open_head_path
+from entoptic.pipeline.scenes.scene import Head
 
 
 def table(folder: Path, text: str) -> str:

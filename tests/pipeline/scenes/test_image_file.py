@@ -4,8 +4,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pipeline.frame import LUMINANCE_WEIGHTS, Cleaned, FrameError
-from pipeline.scenes.image_file import band_solid_angles, cd_m2_per_unit, read, read_header
+from entoptic.pipeline.frame import LUMINANCE_WEIGHTS, Cleaned, FrameError
+from entoptic.pipeline.scenes.image_file import band_solid_angles, cd_m2_per_unit, read, read_header
 
 Write = Callable[..., Path]
 Find = Callable[[str], Path]

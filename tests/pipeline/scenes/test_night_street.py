@@ -7,8 +7,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.ndimage import gaussian_filter, map_coordinates
 
-from pipeline.frame import LUMINANCE_WEIGHTS, View
-from pipeline.scenes.night_street import (
+from entoptic.pipeline.frame import LUMINANCE_WEIGHTS, View
+from entoptic.pipeline.scenes.night_street import (
     GREEN,
     LAMP_CD_M2,
     MOON,
@@ -28,9 +28,17 @@ from pipeline.scenes.night_street import (
     _posts,
     _street,
 )
-from pipeline.scenes.scene import Head, rays, rotation
-from pipeline.scenes.street_surfaces import FLOOR_M, LAMPS_M, PARAPET_M, PAVEMENT_M, _stripes, sky_share, surfaces
-from tracker_bridge.wire import Eye
+from entoptic.pipeline.scenes.scene import Head, rays, rotation
+from entoptic.pipeline.scenes.street_surfaces import (
+    FLOOR_M,
+    LAMPS_M,
+    PARAPET_M,
+    PAVEMENT_M,
+    _stripes,
+    sky_share,
+    surfaces,
+)
+from entoptic.tracker_bridge.wire import Eye
 
 VIEW = View(241, 241, 104.0)  # square, and with a middle column: one compilation serves all
 LOWEST_ROOF_M, HIGHEST_ROOF_M = 3 * FLOOR_M + PARAPET_M, 5 * FLOOR_M + PARAPET_M

@@ -5,12 +5,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pipeline.frame import LUMINANCE_WEIGHTS, FrameError, View
-from pipeline.scenes import open_scene
-from pipeline.scenes.image_file import band_solid_angles
-from pipeline.scenes.images import Pictures
-from pipeline.scenes.night_street import NightStreet
-from pipeline.scenes.panorama import Panorama
+from entoptic.pipeline.frame import LUMINANCE_WEIGHTS, FrameError, View
+from entoptic.pipeline.scenes import open_scene
+from entoptic.pipeline.scenes.image_file import band_solid_angles
+from entoptic.pipeline.scenes.images import Pictures
+from entoptic.pipeline.scenes.night_street import NightStreet
+from entoptic.pipeline.scenes.panorama import Panorama
 
 Write = Callable[..., Path]
 

@@ -5,11 +5,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pipeline.frame import View
-from pipeline.scenes.image_file import band_solid_angles, read
-from pipeline.scenes.panorama import Panorama, prepare
-from pipeline.scenes.scene import Head, rotation
-from tracker_bridge.wire import Eye
+from entoptic.pipeline.frame import View
+from entoptic.pipeline.scenes.image_file import band_solid_angles, read
+from entoptic.pipeline.scenes.panorama import Panorama, prepare
+from entoptic.pipeline.scenes.scene import Head, rotation
+from entoptic.tracker_bridge.wire import Eye
 
 ONE_EYE = (Eye.LEFT,)
 

@@ -4,11 +4,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pipeline.frame import Cleaned, FrameError, View
-from pipeline.scenes import open_scene
-from pipeline.scenes.images import FPS
-from pipeline.scenes.scene import Head
-from tracker_bridge.wire import Eye
+from entoptic.pipeline.frame import Cleaned, FrameError, View
+from entoptic.pipeline.scenes import open_scene
+from entoptic.pipeline.scenes.images import FPS
+from entoptic.pipeline.scenes.scene import Head
+from entoptic.tracker_bridge.wire import Eye
 
 Write = Callable[..., Path]
 

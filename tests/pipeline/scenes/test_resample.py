@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from pipeline.scenes.resample import area_mean, resize
+from entoptic.pipeline.scenes.resample import area_mean, resize
 
 
 @pytest.mark.parametrize("count", [1, 3, 7, 20, 21, 64])

@@ -3,9 +3,9 @@ import math
 import numpy as np
 import pytest
 
-from pipeline.frame import FrameError, View
-from pipeline.scenes.scene import Head, count_eyes, headset_view, rays, rotation
-from tracker_bridge.wire import Eye
+from entoptic.pipeline.frame import FrameError, View
+from entoptic.pipeline.scenes.scene import Head, count_eyes, headset_view, rays, rotation
+from entoptic.tracker_bridge.wire import Eye
 
 HEADS = [Head(), Head(30, 0, 0), Head(-170, 40, 0), Head(10, -20, 25), Head(0, 90, 0), Head(725, 5, -60)]
 

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 from av.sidedata.sidedata import Type
 
-from pipeline.frame import Display, Encoding, FrameError
-from pipeline.sinks.hdr10 import planes
-from pipeline.sinks.video import Video
+from entoptic.pipeline.frame import Display, Encoding, FrameError
+from entoptic.pipeline.sinks.hdr10 import planes
+from entoptic.pipeline.sinks.video import Video
 
 HDR10 = Display(peak_cd_m2=1000.0, black_cd_m2=0.005, encoding=Encoding.HDR10)
 COLOURS = ((0, 0, 0), (1023, 1023, 1023), (769, 769, 769), (600, 300, 200), (200, 600, 300), (100, 200, 700))

@@ -5,9 +5,9 @@ import numpy as np
 import OpenImageIO as oiio
 import pytest
 
-from pipeline.frame import FrameError
-from pipeline.scenes.image_file import cd_m2_per_unit, read
-from pipeline.sinks.images import write_exr, write_png
+from entoptic.pipeline.frame import FrameError
+from entoptic.pipeline.scenes.image_file import cd_m2_per_unit, read
+from entoptic.pipeline.sinks.images import write_exr, write_png
 
 
 def test_png_comes_back_as_it_was(tmp_path: Path) -> None:

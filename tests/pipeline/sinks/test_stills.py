@@ -7,9 +7,9 @@ import numpy as np
 import OpenImageIO as oiio
 import pytest
 
-from pipeline.frame import Display, Encoding, FrameError
-from pipeline.scenes.image_file import cd_m2_per_unit, read
-from pipeline.sinks.images import still_path, write_png, write_still
+from entoptic.pipeline.frame import Display, Encoding, FrameError
+from entoptic.pipeline.scenes.image_file import cd_m2_per_unit, read
+from entoptic.pipeline.sinks.images import still_path, write_png, write_still
 
 RANDOM = np.random.default_rng(0)
 EIGHT_BITS = RANDOM.integers(0, 256, (7, 5, 3), dtype=np.uint8)

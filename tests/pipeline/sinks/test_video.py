@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from av.video.reformatter import Colorspace
 
-from pipeline.frame import FrameError
-from pipeline.sinks.video import Video
+from entoptic.pipeline.frame import FrameError
+from entoptic.pipeline.sinks.video import Video
 
 COLOURS = ((230, 30, 30), (30, 200, 40), (20, 40, 220), (128, 128, 128), (255, 255, 255), (0, 0, 0))
 

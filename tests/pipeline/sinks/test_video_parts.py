@@ -9,8 +9,8 @@ import av
 import numpy as np
 import pytest
 
-from pipeline.frame import Display, Encoding, FrameError
-from pipeline.sinks.video_parts import Part, begins_s, join
+from entoptic.pipeline.frame import Display, Encoding, FrameError
+from entoptic.pipeline.sinks.video_parts import Part, begins_s, join
 
 HDR10 = Display(peak_cd_m2=1000.0, encoding=Encoding.HDR10)
 

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from services.capture.blinks import BlinkFilter, filter_response
+from entoptic.services.capture.blinks import BlinkFilter, filter_response
 
 Map = dict[str, Any]
 

@@ -1,6 +1,6 @@
 import pytest
 
-from services.capture.clock import CaptureClock
+from entoptic.services.capture.clock import CaptureClock
 
 
 def test_an_offset_a_set_time_a_jump_and_a_restart() -> None:

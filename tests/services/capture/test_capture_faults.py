@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from services.capture.faults import FORMS, Fault, FaultError, Faults, PlannedFault, read_fault
+from entoptic.services.capture.faults import FORMS, Fault, FaultError, Faults, PlannedFault, read_fault
 
 INF = math.inf
 

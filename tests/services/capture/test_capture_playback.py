@@ -6,11 +6,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from services.capture.playback import Ahead, Moment, open_playback
-from tracker_bridge.samples import NS_PER_S
-from tracker_bridge.source import SourceError
-from tracker_bridge.sources.pupil_writer import write_recording
-from tracker_bridge.sources.simulated import SimulatedEyes, SimulatedSettings
+from entoptic.services.capture.playback import Ahead, Moment, open_playback
+from entoptic.tracker_bridge.samples import NS_PER_S
+from entoptic.tracker_bridge.source import SourceError
+from entoptic.tracker_bridge.sources.pupil_writer import write_recording
+from entoptic.tracker_bridge.sources.simulated import SimulatedEyes, SimulatedSettings
 
 SIMULATED = SimulatedSettings(rate_hz=30.0)
 

@@ -11,14 +11,14 @@ from typing import Any
 import msgpack
 import pytest
 
-from services.capture.backbone import frames_of
-from services.capture.blinks import BlinkFilter
-from services.capture.playback import Moment, open_playback
-from services.capture.published import Publisher, recorded_gaze, recorded_pupil, retimed
-from services.capture.tasks import Calibration, Recording, command
-from tracker_bridge.samples import Eye, GazeSample, PupilSample
-from tracker_bridge.sources.pupil_datum import base_pupils, decode_gaze, gaze_samples
-from tracker_bridge.sources.simulated import SimulatedSettings
+from entoptic.services.capture.backbone import frames_of
+from entoptic.services.capture.blinks import BlinkFilter
+from entoptic.services.capture.playback import Moment, open_playback
+from entoptic.services.capture.published import Publisher, recorded_gaze, recorded_pupil, retimed
+from entoptic.services.capture.tasks import Calibration, Recording, command
+from entoptic.tracker_bridge.samples import Eye, GazeSample, PupilSample
+from entoptic.tracker_bridge.sources.pupil_datum import base_pupils, decode_gaze, gaze_samples
+from entoptic.tracker_bridge.sources.simulated import SimulatedSettings
 
 Shared = Callable[[str], Path]
 Map = dict[str, Any]

@@ -3,8 +3,8 @@ from typing import Any
 import msgpack
 import pytest
 
-from services.capture.backbone import notification
-from services.capture.remote import RemoteKilledError, answer
+from entoptic.services.capture.backbone import notification
+from entoptic.services.capture.remote import RemoteKilledError, answer
 
 
 class FakeCapture:

@@ -14,12 +14,12 @@ import pytest
 import structlog
 import zmq
 
-from services.capture.faults import read_fault
-from services.capture.playback import open_playback
-from services.capture.standin import AddressError, StandIn, StandInSettings
-from tracker_bridge.samples import Eye, PupilSample
-from tracker_bridge.sources.recording import open_recording
-from tracker_bridge.sources.simulated import SimulatedSettings
+from entoptic.services.capture.faults import read_fault
+from entoptic.services.capture.playback import open_playback
+from entoptic.services.capture.standin import AddressError, StandIn, StandInSettings
+from entoptic.tracker_bridge.samples import Eye, PupilSample
+from entoptic.tracker_bridge.sources.recording import open_recording
+from entoptic.tracker_bridge.sources.simulated import SimulatedSettings
 
 TIMEOUT_MS = 30_000
 QUIET_MS = 400

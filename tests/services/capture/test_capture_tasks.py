@@ -2,10 +2,10 @@ from pathlib import Path
 
 import pytest
 
-from services.capture.tasks import Calibration, Recording
-from tracker_bridge.sources.pupil_form import Map
-from tracker_bridge.sources.pupil_recorder import RecordingError
-from tracker_bridge.sources.recording import open_recording
+from entoptic.services.capture.tasks import Calibration, Recording
+from entoptic.tracker_bridge.sources.pupil_form import Map
+from entoptic.tracker_bridge.sources.pupil_recorder import RecordingError
+from entoptic.tracker_bridge.sources.recording import open_recording
 
 PUPIL = {"id": 0, "topic": "pupil.0.2d", "timestamp": 1.0, "confidence": 1.0, "diameter": 20.0}
 

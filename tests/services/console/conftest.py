@@ -4,8 +4,8 @@ from pathlib import Path
 import pytest
 from console_session import MadeUpSession, Served
 
-from services.console import problems
-from services.console.live import Places
+from entoptic.services.console import problems
+from entoptic.services.console.live import Places
 
 
 @pytest.fixture

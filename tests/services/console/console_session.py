@@ -15,17 +15,17 @@ from websockets.exceptions import ConnectionClosed
 from websockets.frames import Close
 from websockets.sync.client import ClientConnection, connect
 
-from services.console.actions import Folders
-from services.console.live import Places
-from services.console.security import Rules
-from services.console.server import Console, Server
-from services.control import Control, Reply
-from services.live import messages
-from services.live.addresses import Addresses
-from services.live.messages import DISPLAYED, PERCEIVED, SHOWN, EyeShown, LatencyMs, Picture, Shown, StepShown
-from services.live.requests import BridgeRequest, GiveStatus, HostRequest, WorkerRequest
-from tracker_bridge.publisher import Publisher
-from tracker_bridge.wire import (
+from entoptic.services.console.actions import Folders
+from entoptic.services.console.live import Places
+from entoptic.services.console.security import Rules
+from entoptic.services.console.server import Console, Server
+from entoptic.services.control import Control, Reply
+from entoptic.services.live import messages
+from entoptic.services.live.addresses import Addresses
+from entoptic.services.live.messages import DISPLAYED, PERCEIVED, SHOWN, EyeShown, LatencyMs, Picture, Shown, StepShown
+from entoptic.services.live.requests import BridgeRequest, GiveStatus, HostRequest, WorkerRequest
+from entoptic.tracker_bridge.publisher import Publisher
+from entoptic.tracker_bridge.wire import (
     BlinkOffset,
     BlinkOnset,
     Direction,

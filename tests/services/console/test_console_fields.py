@@ -5,9 +5,9 @@ from typing import Annotated
 import msgspec
 import pytest
 
-from services.console import fields as module
-from services.console.fields import FIRST, SLIDERS, changed, fields
-from services.settings import Settings
+from entoptic.services.console import fields as module
+from entoptic.services.console.fields import FIRST, SLIDERS, changed, fields
+from entoptic.services.settings import Settings
 
 NUMBERS = [field for field in fields() if field.kind in ("number", "int")]
 

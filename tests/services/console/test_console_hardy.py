@@ -9,11 +9,11 @@ from pathlib import Path
 import pytest
 from console_session import MS, PATIENCE_S, MadeUpSession, Served, never, wait_for
 
-from services.console.feed import KEPT_S, Timeline
-from services.console.figures import Figures
-from services.console.listing import listed
-from services.console.live import Live, Places
-from tracker_bridge.wire import NS_PER_S, BlinkOffset, Eye, TaskKind, TaskOutcome, TrackerTask
+from entoptic.services.console.feed import KEPT_S, Timeline
+from entoptic.services.console.figures import Figures
+from entoptic.services.console.listing import listed
+from entoptic.services.console.live import Live, Places
+from entoptic.tracker_bridge.wire import NS_PER_S, BlinkOffset, Eye, TaskKind, TaskOutcome, TrackerTask
 
 
 def test_a_console_that_comes_late_tells_only_what_is_news(

@@ -15,13 +15,13 @@ from console_session import PATIENCE_S, MadeUpSession, Served, Visitor, wait_for
 from PIL import Image
 from websockets.sync.client import connect
 
-from services.console import live
-from services.console.fields import changed
-from services.console.live import Places
-from services.live import requests as asked
-from services.live.messages import DISPLAYED, PERCEIVED
-from services.settings import Settings, load
-from tracker_bridge.wire import Phase
+from entoptic.services.console import live
+from entoptic.services.console.fields import changed
+from entoptic.services.console.live import Places
+from entoptic.services.live import requests as asked
+from entoptic.services.live.messages import DISPLAYED, PERCEIVED
+from entoptic.services.settings import Settings, load
+from entoptic.tracker_bridge.wire import Phase
 
 ENDS_WITHIN_S = 5.0
 """Under a second where nothing else runs; what it must not do is wait for its pages, or be killed by its host after
@@ -277,7 +277,7 @@ def test_settings_that_the_worker_took_back_are_shown_as_it_has_them(
 def test_the_command_serves_and_ends_soon(how: str, session: MadeUpSession, tmp_path: Path) -> None:
     where = [f"--{name}={getattr(session.addresses, name)}" for name in ("states", "events", "bridge", "screens")]
     where += [f"--{name}={getattr(session.addresses, name)}" for name in ("answers", "frames", "worker")]
-    command = [sys.executable, "-m", "services.cli", "console-server", "--port=0", *where, "--child"]
+    command = [sys.executable, "-m", "entoptic", "console-server", "--port=0", *where, "--child"]
     process = subprocess.Popen(
         command, stdin=subprocess.PIPE, stderr=subprocess.PIPE, cwd=tmp_path, text=True, start_new_session=True
     )

@@ -4,9 +4,9 @@ from typing import Any
 
 import pytest
 
-from services.console import problems as limits
-from services.console.problems import problems
-from services.console.status import BridgeSays, HostSays, ProcessSays, Snapshot, WorkerSays, read
+from entoptic.services.console import problems as limits
+from entoptic.services.console.problems import problems
+from entoptic.services.console.status import BridgeSays, HostSays, ProcessSays, Snapshot, WorkerSays, read
 
 BRIDGE = BridgeSays(source="eyes", rate_hz=200.0, clock_uncertainty_ms=0.3)
 WORKER = WorkerSays(scene="street", fps=24.0, reached_fps=23.9, dropped=0)

@@ -11,10 +11,10 @@ from console_session import PATIENCE_S, TOKEN, Served, Visitor
 from websockets.exceptions import InvalidStatus
 from websockets.sync.client import connect
 
-from services.console import server
-from services.console.access import ConsoleError, places, rules_for
-from services.console.security import Rules
-from services.live.web import Web
+from entoptic.services.console import server
+from entoptic.services.console.access import ConsoleError, places, rules_for
+from entoptic.services.console.security import Rules
+from entoptic.services.live.web import Web
 
 Headers = dict[str, str]
 

@@ -8,10 +8,10 @@ import pytest
 from console_session import PATIENCE_S, MadeUpSession, Served, wait_for
 from websockets.sync.client import connect
 
-from services.console import viewers
-from services.console.live import Places
-from services.console.protocol import DISPLAYED, PERCEIVED, picture
-from services.console.viewers import QUEUE_BYTES, Page, Viewers
+from entoptic.services.console import viewers
+from entoptic.services.console.live import Places
+from entoptic.services.console.protocol import DISPLAYED, PERCEIVED, picture
+from entoptic.services.console.viewers import QUEUE_BYTES, Page, Viewers
 
 
 def test_a_page_that_takes_nothing_is_given_bounded_memory() -> None:

@@ -9,12 +9,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pipeline import Frame, Looking
-from pipeline.plan import Effect
-from pipeline.sinks.images import write_exr
-from services.explain.subject import Subject
-from services.explain.variants import Explained, explain
-from services.settings import Settings
+from entoptic.pipeline import Frame, Looking
+from entoptic.pipeline.plan import Effect
+from entoptic.pipeline.sinks.images import write_exr
+from entoptic.services.explain.subject import Subject
+from entoptic.services.explain.variants import Explained, explain
+from entoptic.services.settings import Settings
 
 WIDTH, HEIGHT, FOV_DEG = 40, 48, 60.0
 

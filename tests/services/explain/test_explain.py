@@ -18,13 +18,13 @@ from matplotlib.text import Text
 from msgspec.structs import replace
 from typer.testing import CliRunner
 
-from pipeline import Effect, Frame, FrameError, Looking, Planning, RenderState, perceive
-from pipeline.sinks.images import write_exr
-from services.commands.explain import explain as command
-from services.explain import page, panels, plan_panels, timeline
-from services.explain.subject import Subject
-from services.explain.variants import Explained, Touch, code_values, explain, variants
-from services.settings import Settings
+from entoptic.pipeline import Effect, Frame, FrameError, Looking, Planning, RenderState, perceive
+from entoptic.pipeline.sinks.images import write_exr
+from entoptic.services.commands.explain import explain as command
+from entoptic.services.explain import page, panels, plan_panels, timeline
+from entoptic.services.explain.subject import Subject
+from entoptic.services.explain.variants import Explained, Touch, code_values, explain, variants
+from entoptic.services.settings import Settings
 
 
 class TestVariants:

@@ -10,10 +10,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pipeline import FrameError, Looking, Observer, View
-from pipeline.sinks.images import write_exr
-from services.explain import subject, timeline
-from services.settings import Settings
+from entoptic.pipeline import FrameError, Looking, Observer, View
+from entoptic.pipeline.sinks.images import write_exr
+from entoptic.services.explain import subject, timeline
+from entoptic.services.settings import Settings
 
 
 class TestSession:

@@ -2,10 +2,10 @@
 
 from collections.abc import Iterator, Sequence
 
-from tracker_bridge.samples import Eye, GazeSample, PupilSample
-from tracker_bridge.source import Item, SourceInfo
-from tracker_bridge.sources.usb import UsbTracker
-from tracker_bridge.sources.usb_simulated import TwinBackend, open_usb_simulated
+from entoptic.tracker_bridge.samples import Eye, GazeSample, PupilSample
+from entoptic.tracker_bridge.source import Item, SourceInfo
+from entoptic.tracker_bridge.sources.usb import UsbTracker
+from entoptic.tracker_bridge.sources.usb_simulated import TwinBackend, open_usb_simulated
 
 START_NS = 10**15
 Sample = PupilSample | GazeSample

@@ -8,10 +8,15 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from tracker_bridge.sources.hid_descriptor import CONSTANT, MAX_REPORT_BYTES, ReportKind, parse_report_descriptor
-from tracker_bridge.sources.hid_items import HidDescriptorError
-from tracker_bridge.sources.hid_report import report_layouts
-from tracker_bridge.sources.usb_twin_report import DESCRIPTOR
+from entoptic.tracker_bridge.sources.hid_descriptor import (
+    CONSTANT,
+    MAX_REPORT_BYTES,
+    ReportKind,
+    parse_report_descriptor,
+)
+from entoptic.tracker_bridge.sources.hid_items import HidDescriptorError
+from entoptic.tracker_bridge.sources.hid_report import report_layouts
+from entoptic.tracker_bridge.sources.usb_twin_report import DESCRIPTOR
 
 Shared = Callable[[str], Path]
 REAL = ["gazehid_eyetracker", "dmf_virtualeyegaze"]

@@ -7,14 +7,14 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from tracker_bridge.samples import Eye, GazeSample, PupilSample
-from tracker_bridge.sources.hid_descriptor import ReportKind
-from tracker_bridge.sources.hid_eye_tracker import Configuration, EyeTrackerReports, Status
-from tracker_bridge.sources.hid_gaze import INTERPUPILLARY_MM, middle_mm, samples_of, viewing
-from tracker_bridge.sources.hid_items import HidDescriptorError
-from tracker_bridge.sources.hid_report import HidReportError, ReportLayout
-from tracker_bridge.sources.hid_tracking import Tracking
-from tracker_bridge.sources.usb_twin_report import (
+from entoptic.tracker_bridge.samples import Eye, GazeSample, PupilSample
+from entoptic.tracker_bridge.sources.hid_descriptor import ReportKind
+from entoptic.tracker_bridge.sources.hid_eye_tracker import Configuration, EyeTrackerReports, Status
+from entoptic.tracker_bridge.sources.hid_gaze import INTERPUPILLARY_MM, middle_mm, samples_of, viewing
+from entoptic.tracker_bridge.sources.hid_items import HidDescriptorError
+from entoptic.tracker_bridge.sources.hid_report import HidReportError, ReportLayout
+from entoptic.tracker_bridge.sources.hid_tracking import Tracking
+from entoptic.tracker_bridge.sources.usb_twin_report import (
     DESCRIPTOR,
     EYES_UM,
     MIDDLE_UM,

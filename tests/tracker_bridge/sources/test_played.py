@@ -5,10 +5,10 @@ from collections.abc import Iterator
 
 import pytest
 
-from tracker_bridge.events import ClockEstimated
-from tracker_bridge.samples import Eye, GazeSample, PupilSample
-from tracker_bridge.source import Item, SourceInfo, Tick
-from tracker_bridge.sources.played import Played
+from entoptic.tracker_bridge.events import ClockEstimated
+from entoptic.tracker_bridge.samples import Eye, GazeSample, PupilSample
+from entoptic.tracker_bridge.source import Item, SourceInfo, Tick
+from entoptic.tracker_bridge.sources.played import Played
 
 MS = 1_000_000
 

@@ -4,9 +4,9 @@ from pathlib import Path
 
 import pytest
 
-from tracker_bridge.samples import Eye, GazeSample, PupilSample
-from tracker_bridge.source import SourceError
-from tracker_bridge.sources.player_export import open_player_export
+from entoptic.tracker_bridge.samples import Eye, GazeSample, PupilSample
+from entoptic.tracker_bridge.source import SourceError
+from entoptic.tracker_bridge.sources.player_export import open_player_export
 
 # The columns that Pupil Player writes, in its order.
 PUPIL_HEADER = (

@@ -7,7 +7,7 @@ from typing import Any
 
 import msgpack
 
-from tracker_bridge.events import (
+from entoptic.tracker_bridge.events import (
     ClockEstimated,
     ClockJumped,
     SourceBack,
@@ -16,11 +16,11 @@ from tracker_bridge.events import (
     TrackerStatus,
     TrackerTask,
 )
-from tracker_bridge.samples import Eye, GazeSample, PupilSample
-from tracker_bridge.source import Item, Tick
-from tracker_bridge.sources import pupil_remote
-from tracker_bridge.sources.pupil_capture import BEFORE_CLOCK, TICK_NS, WRONG_TIME, Arrivals
-from tracker_bridge.sources.pupil_link import (
+from entoptic.tracker_bridge.samples import Eye, GazeSample, PupilSample
+from entoptic.tracker_bridge.source import Item, Tick
+from entoptic.tracker_bridge.sources import pupil_remote
+from entoptic.tracker_bridge.sources.pupil_capture import BEFORE_CLOCK, TICK_NS, WRONG_TIME, Arrivals
+from entoptic.tracker_bridge.sources.pupil_link import (
     Connected,
     Inbox,
     Message,
@@ -30,8 +30,8 @@ from tracker_bridge.sources.pupil_link import (
     RoundTrip,
     Unreachable,
 )
-from tracker_bridge.sources.pupil_remote import RemoteAddress
-from tracker_bridge.sources.pupil_tasks import Command, Order
+from entoptic.tracker_bridge.sources.pupil_remote import RemoteAddress
+from entoptic.tracker_bridge.sources.pupil_tasks import Command, Order
 
 S, MS = 1_000_000_000, 1_000_000
 

@@ -12,10 +12,10 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from tracker_bridge.events import TaskKind, TaskOutcome, TrackerStatus, TrackerTask
-from tracker_bridge.samples import Eye, GazeSample, PupilSample
-from tracker_bridge.sources import pupil_bus
-from tracker_bridge.sources.pupil_bus import IMAGES_WITHOUT_3D, SUBSCRIPTIONS, PupilBus, Read
+from entoptic.tracker_bridge.events import TaskKind, TaskOutcome, TrackerStatus, TrackerTask
+from entoptic.tracker_bridge.samples import Eye, GazeSample, PupilSample
+from entoptic.tracker_bridge.sources import pupil_bus
+from entoptic.tracker_bridge.sources.pupil_bus import IMAGES_WITHOUT_3D, SUBSCRIPTIONS, PupilBus, Read
 
 Shared = Callable[[str], Path]
 Map = dict[str, Any]

@@ -23,7 +23,7 @@ from little_capture import (
     until_heard,
 )
 
-from tracker_bridge.events import (
+from entoptic.tracker_bridge.events import (
     ClockEstimated,
     ClockJumped,
     SourceBack,
@@ -33,11 +33,11 @@ from tracker_bridge.events import (
     TrackerStatus,
     TrackerTask,
 )
-from tracker_bridge.samples import Eye, GazeSample, PupilSample
-from tracker_bridge.source import Item, SourceError, Tick
-from tracker_bridge.sources import pupil_link, pupil_remote
-from tracker_bridge.sources.pupil_bus import IMAGES_WITHOUT_3D, SUBSCRIPTIONS
-from tracker_bridge.sources.pupil_capture import DROPPED, PupilCapture
+from entoptic.tracker_bridge.samples import Eye, GazeSample, PupilSample
+from entoptic.tracker_bridge.source import Item, SourceError, Tick
+from entoptic.tracker_bridge.sources import pupil_link, pupil_remote
+from entoptic.tracker_bridge.sources.pupil_bus import IMAGES_WITHOUT_3D, SUBSCRIPTIONS
+from entoptic.tracker_bridge.sources.pupil_capture import DROPPED, PupilCapture
 
 
 @pytest.fixture

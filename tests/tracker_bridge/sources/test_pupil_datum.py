@@ -10,9 +10,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from tracker_bridge.samples import Eye, GazeSample, PupilSample
-from tracker_bridge.source import SourceError
-from tracker_bridge.sources.pupil_datum import (
+from entoptic.tracker_bridge.samples import Eye, GazeSample, PupilSample
+from entoptic.tracker_bridge.source import SourceError
+from entoptic.tracker_bridge.sources.pupil_datum import (
     base_pupils,
     decode_gaze,
     decode_pupil,

@@ -11,12 +11,12 @@ import msgpack
 import numpy as np
 import pytest
 
-from tracker_bridge.samples import NS_PER_S, Eye, GazeSample, PupilSample
-from tracker_bridge.sources import pupil_recorder
-from tracker_bridge.sources.loaded import Sample, sort_key
-from tracker_bridge.sources.pupil_recorder import PupilRecorder, RecordingError
-from tracker_bridge.sources.recording import open_recording
-from tracker_bridge.sources.simulated import SimulatedEyes, SimulatedSettings
+from entoptic.tracker_bridge.samples import NS_PER_S, Eye, GazeSample, PupilSample
+from entoptic.tracker_bridge.sources import pupil_recorder
+from entoptic.tracker_bridge.sources.loaded import Sample, sort_key
+from entoptic.tracker_bridge.sources.pupil_recorder import PupilRecorder, RecordingError
+from entoptic.tracker_bridge.sources.recording import open_recording
+from entoptic.tracker_bridge.sources.simulated import SimulatedEyes, SimulatedSettings
 
 PERIOD_NS = NS_PER_S // 200
 
@@ -147,8 +147,8 @@ def test_a_disk_without_room_for_the_timestamps_leaves_no_file_open(
 CHILD = """
 import sys
 from pathlib import Path
-from tracker_bridge.samples import Eye, GazeSample, PupilSample
-from tracker_bridge.sources.pupil_recorder import PupilRecorder
+from entoptic.tracker_bridge.samples import Eye, GazeSample, PupilSample
+from entoptic.tracker_bridge.sources.pupil_recorder import PupilRecorder
 
 recorder = PupilRecorder(Path(sys.argv[1]))
 for at in range(10**9):

@@ -10,9 +10,9 @@ import zmq
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tracker_bridge.source import SourceError
-from tracker_bridge.sources import pupil_remote
-from tracker_bridge.sources.pupil_remote import (
+from entoptic.tracker_bridge.source import SourceError
+from entoptic.tracker_bridge.sources import pupil_remote
+from entoptic.tracker_bridge.sources.pupil_remote import (
     ForbiddenRequestError,
     Remote,
     RemoteAddress,

@@ -2,9 +2,9 @@ from __future__ import annotations
 
 import pytest
 
-from tracker_bridge.events import TaskKind, TaskOutcome, TrackerTask
-from tracker_bridge.sources import pupil_remote
-from tracker_bridge.sources.pupil_tasks import EXPECTED, FIT, Command, OpenTasks, Order
+from entoptic.tracker_bridge.events import TaskKind, TaskOutcome, TrackerTask
+from entoptic.tracker_bridge.sources import pupil_remote
+from entoptic.tracker_bridge.sources.pupil_tasks import EXPECTED, FIT, Command, OpenTasks, Order
 
 S = 1_000_000_000
 REQUESTS = {

@@ -11,9 +11,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from tracker_bridge.samples import Eye, GazeSample, PupilSample
-from tracker_bridge.source import Source, SourceError
-from tracker_bridge.sources.recording import open_recording
+from entoptic.tracker_bridge.samples import Eye, GazeSample, PupilSample
+from entoptic.tracker_bridge.source import Source, SourceError
+from entoptic.tracker_bridge.sources.recording import open_recording
 
 Shared = Callable[[str], Path]
 Map = dict[str, Any]

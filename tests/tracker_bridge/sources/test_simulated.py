@@ -8,23 +8,23 @@ from pathlib import Path
 import msgspec
 import numpy as np
 import pytest
-
 from benchmarks import light_reflex
-from tracker_bridge.samples import Eye, GazeSample, PupilSample
-from tracker_bridge.source import SourceError
-from tracker_bridge.sources import simulated_pupil
-from tracker_bridge.sources.simulated import SimulatedEyes, SimulatedSettings
-from tracker_bridge.sources.simulated_gaze import MAIN_SEQUENCE_DEG_S, Movement, positions_deg
-from tracker_bridge.sources.simulated_lid import Blink, draw_blinks, openness_at, visible_area, visible_height
-from tracker_bridge.sources.simulated_pupil import (
+
+from entoptic.tracker_bridge.samples import Eye, GazeSample, PupilSample
+from entoptic.tracker_bridge.source import SourceError
+from entoptic.tracker_bridge.sources import simulated_pupil
+from entoptic.tracker_bridge.sources.simulated import SimulatedEyes, SimulatedSettings
+from entoptic.tracker_bridge.sources.simulated_gaze import MAIN_SEQUENCE_DEG_S, Movement, positions_deg
+from entoptic.tracker_bridge.sources.simulated_lid import Blink, draw_blinks, openness_at, visible_area, visible_height
+from entoptic.tracker_bridge.sources.simulated_pupil import (
     LATENCY_S,
     STEP_S,
     light_reflex_mm,
     watson_yellott_mm,
     with_hippus_mm,
 )
-from tracker_bridge.sources.simulated_tracker import LOST_MM
-from tracker_bridge.sources.simulated_truth import TruthEvent
+from entoptic.tracker_bridge.sources.simulated_tracker import LOST_MM
+from entoptic.tracker_bridge.sources.simulated_truth import TruthEvent
 
 NS = 1_000_000_000
 

@@ -5,11 +5,11 @@ import time
 import numpy as np
 import pytest
 
-from tracker_bridge.samples import NS_PER_S, Eye, GazeSample, PupilSample
-from tracker_bridge.source import Item, SourceError, Tick
-from tracker_bridge.sources.simulated import SimulatedEyes, SimulatedSettings
-from tracker_bridge.sources.simulated_live import BLOCK_S, Hippus, LightReflex, SimulatedLiveEyes
-from tracker_bridge.sources.simulated_pupil import LATENCY_S, STEP_S, light_reflex_mm, with_hippus_mm
+from entoptic.tracker_bridge.samples import NS_PER_S, Eye, GazeSample, PupilSample
+from entoptic.tracker_bridge.source import Item, SourceError, Tick
+from entoptic.tracker_bridge.sources.simulated import SimulatedEyes, SimulatedSettings
+from entoptic.tracker_bridge.sources.simulated_live import BLOCK_S, Hippus, LightReflex, SimulatedLiveEyes
+from entoptic.tracker_bridge.sources.simulated_pupil import LATENCY_S, STEP_S, light_reflex_mm, with_hippus_mm
 
 LIGHT = ((0.0, 10.0), (1.0, 500.0), (2.5, 0.1), (2.7, 3.0))
 STILL = SimulatedSettings(

@@ -8,11 +8,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from tracker_bridge.samples import Eye, GazeSample, PupilSample
-from tracker_bridge.source import SourceError
-from tracker_bridge.sources import table_map as table_map_module
-from tracker_bridge.sources.table import open_table
-from tracker_bridge.sources.table_map import read_table_map, shipped_maps
+from entoptic.tracker_bridge.samples import Eye, GazeSample, PupilSample
+from entoptic.tracker_bridge.source import SourceError
+from entoptic.tracker_bridge.sources import table_map as table_map_module
+from entoptic.tracker_bridge.sources.table import open_table
+from entoptic.tracker_bridge.sources.table_map import read_table_map, shipped_maps
 
 Shared = Callable[[str], Path]
 

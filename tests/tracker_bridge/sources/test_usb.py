@@ -10,13 +10,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from played_tracker import START_NS, Played, Sample, Time, over, samples_in, tracker
 
-from tracker_bridge.events import ClockJumped, SourceBack, SourceSilent, TrackerStatus
-from tracker_bridge.samples import NS_PER_S, GazeSample, PupilSample
-from tracker_bridge.source import Item, SourceError, Tick
-from tracker_bridge.sources.loaded import LoadedSource
-from tracker_bridge.sources.recording import open_recording
-from tracker_bridge.sources.simulated import SimulatedEyes, SimulatedSettings
-from tracker_bridge.sources.usb_device import (
+from entoptic.tracker_bridge.events import ClockJumped, SourceBack, SourceSilent, TrackerStatus
+from entoptic.tracker_bridge.samples import NS_PER_S, GazeSample, PupilSample
+from entoptic.tracker_bridge.source import Item, SourceError, Tick
+from entoptic.tracker_bridge.sources.loaded import LoadedSource
+from entoptic.tracker_bridge.sources.recording import open_recording
+from entoptic.tracker_bridge.sources.simulated import SimulatedEyes, SimulatedSettings
+from entoptic.tracker_bridge.sources.usb_device import (
     GET_DESCRIPTOR,
     GET_REPORT,
     REPORT_DESCRIPTOR,
@@ -24,8 +24,8 @@ from tracker_bridge.sources.usb_device import (
     UsbError,
     UsbTimeout,
 )
-from tracker_bridge.sources.usb_faults import parse_faults
-from tracker_bridge.sources.usb_simulated import TwinBackend, open_usb_simulated
+from entoptic.tracker_bridge.sources.usb_faults import parse_faults
+from entoptic.tracker_bridge.sources.usb_simulated import TwinBackend, open_usb_simulated
 
 Shared = Callable[[str], Path]
 

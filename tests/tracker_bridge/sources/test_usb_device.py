@@ -9,12 +9,12 @@ import libusb_package
 import pytest
 from played_tracker import Played, Time, over, samples_in
 
-from tracker_bridge.source import SourceError
-from tracker_bridge.sources.usb import UsbTracker
-from tracker_bridge.sources.usb_device import GET_DESCRIPTOR, UsbError, find_tracker
-from tracker_bridge.sources.usb_remedies import cannot_use, no_backend, no_permission
-from tracker_bridge.sources.usb_simulated import TwinBackend
-from tracker_bridge.sources.usb_twin_report import DESCRIPTOR
+from entoptic.tracker_bridge.source import SourceError
+from entoptic.tracker_bridge.sources.usb import UsbTracker
+from entoptic.tracker_bridge.sources.usb_device import GET_DESCRIPTOR, UsbError, find_tracker
+from entoptic.tracker_bridge.sources.usb_remedies import cannot_use, no_backend, no_permission
+from entoptic.tracker_bridge.sources.usb_simulated import TwinBackend
+from entoptic.tracker_bridge.sources.usb_twin_report import DESCRIPTOR
 
 NO_FILES = Path("/nonexistent")
 

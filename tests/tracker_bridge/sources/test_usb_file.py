@@ -6,13 +6,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from played_tracker import Played, Time, samples_in
 
-from tracker_bridge.samples import Eye, GazeSample, PupilSample
-from tracker_bridge.source import SourceError
-from tracker_bridge.sources.usb_capture import UsbCapture
-from tracker_bridge.sources.usb_file import open_usb_file
-from tracker_bridge.sources.usb_simulated import open_usb_simulated
-from tracker_bridge.sources.usb_stream import Connection
-from tracker_bridge.sources.usb_twin_report import DESCRIPTOR, tracking_report
+from entoptic.tracker_bridge.samples import Eye, GazeSample, PupilSample
+from entoptic.tracker_bridge.source import SourceError
+from entoptic.tracker_bridge.sources.usb_capture import UsbCapture
+from entoptic.tracker_bridge.sources.usb_file import open_usb_file
+from entoptic.tracker_bridge.sources.usb_simulated import open_usb_simulated
+from entoptic.tracker_bridge.sources.usb_stream import Connection
+from entoptic.tracker_bridge.sources.usb_twin_report import DESCRIPTOR, tracking_report
 
 
 def captured(path: Path, *faults: str) -> list[PupilSample | GazeSample]:

@@ -6,12 +6,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from tracker_bridge.clock import ArrivalClock
-from tracker_bridge.events import ClockEstimated, TrackerStatus
-from tracker_bridge.samples import Eye, GazeSample, PupilSample
-from tracker_bridge.source import Tick
-from tracker_bridge.sources.usb_stream import Connection, PacketStream
-from tracker_bridge.sources.usb_twin_report import DESCRIPTOR, feature_report, status_report, tracking_report
+from entoptic.tracker_bridge.clock import ArrivalClock
+from entoptic.tracker_bridge.events import ClockEstimated, TrackerStatus
+from entoptic.tracker_bridge.samples import Eye, GazeSample, PupilSample
+from entoptic.tracker_bridge.source import Tick
+from entoptic.tracker_bridge.sources.usb_stream import Connection, PacketStream
+from entoptic.tracker_bridge.sources.usb_twin_report import DESCRIPTOR, feature_report, status_report, tracking_report
 
 Shared = Callable[[str], Path]
 FEATURES = {number: report for number in range(0x11, 0x15) if (report := feature_report(number, 3))}

@@ -6,9 +6,17 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pipeline.effects.acuity import LIMIT_CD_M2, Acuity, AcuityMethod, dark_tiles, passed_on, reduce_acuity, skipped
-from pipeline.effects.acuity import bounds as acuity_bounds
-from pipeline.ranges import Range
+from entoptic.pipeline.effects.acuity import (
+    LIMIT_CD_M2,
+    Acuity,
+    AcuityMethod,
+    dark_tiles,
+    passed_on,
+    reduce_acuity,
+    skipped,
+)
+from entoptic.pipeline.effects.acuity import bounds as acuity_bounds
+from entoptic.pipeline.ranges import Range
 
 HEIGHT, WIDTH = 24, 31
 TILE_PX = 5

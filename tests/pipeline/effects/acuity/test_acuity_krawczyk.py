@@ -4,7 +4,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from pipeline.effects.acuity import Acuity, AcuityMethod, krawczyk, larson, reduce_acuity, reference
+from entoptic.pipeline.effects.acuity import Acuity, AcuityMethod, krawczyk, larson, reduce_acuity, reference
 
 KRAWCZYK = Acuity(AcuityMethod.KRAWCZYK)
 TRUE = Acuity(AcuityMethod.KRAWCZYK, reference=True)

@@ -9,7 +9,7 @@ import msgspec
 import numpy as np
 import pytest
 
-from pipeline.effects.acuity import Acuity, AcuityMethod, cheap, larson, lightness, limit_cd_m2, luminance_of
+from entoptic.pipeline.effects.acuity import Acuity, AcuityMethod, cheap, larson, lightness, limit_cd_m2, luminance_of
 
 
 @pytest.mark.parametrize(("y", "cpd"), [(1e-3, 3.007), (0.1, 11.75), (1, 31.53), (100, 47.51)])

@@ -5,7 +5,7 @@ import math
 import msgspec
 import pytest
 
-from pipeline.effects.adaptation import (
+from entoptic.pipeline.effects.adaptation import (
     FLOOR_CD_M2,
     Adaptation,
     Adapted,
@@ -17,7 +17,7 @@ from pipeline.effects.adaptation import (
     overshoot_threshold_cd_m2,
     step,
 )
-from pipeline.threshold import threshold_cd_m2
+from entoptic.pipeline.threshold import threshold_cd_m2
 
 BLEACHED = [Adaptation(bleaching=kind) for kind in (Bleaching.PATTANAIK, Bleaching.RUSHTON)]
 EVERY = [Adaptation(course=course, bleaching=kind) for course in Course for kind in Bleaching]

@@ -5,14 +5,14 @@ import math
 import numpy as np
 import pytest
 
-from pipeline.effects.adaptation import (
+from entoptic.pipeline.effects.adaptation import (
     Adaptation,
     Course,
     adapt_cd_m2,
     overshoot_threshold_cd_m2,
     rod_sensitivity,
 )
-from pipeline.threshold import cone_threshold_cd_m2, threshold_cd_m2
+from entoptic.pipeline.threshold import cone_threshold_cd_m2, threshold_cd_m2
 
 GRADUAL = tuple(course for course in Course if course is not Course.INSTANT)
 EVERY = [Adaptation(course=course) for course in Course]

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 import scipy.integrate
 
-from pipeline.effects.adaptation import (
+from entoptic.pipeline.effects.adaptation import (
     Bleaching,
     Pigments,
     equivalent_cd_m2,
@@ -15,14 +15,14 @@ from pipeline.effects.adaptation import (
     settled,
     step_pigments,
 )
-from pipeline.effects.adaptation.pigments import (
+from entoptic.pipeline.effects.adaptation.pigments import (
     DARK_CD_M2,
     SCOTOPIC_PER_PHOTOPIC,
     TAU_S,
     UNBLEACHED,
     threshold_in_the_dark_cd_m2,
 )
-from pipeline.threshold import threshold_cd_m2
+from entoptic.pipeline.threshold import threshold_cd_m2
 
 KINDS = (Bleaching.PATTANAIK, Bleaching.RUSHTON)
 

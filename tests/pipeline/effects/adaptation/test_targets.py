@@ -12,15 +12,15 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
-from pipeline import Effects, Looking, Observer, View, perceive
-from pipeline.effects.adaptation import FLOOR_CD_M2, Adaptation, Target, target_cd_m2
-from pipeline.effects.adaptation.targets import LIMIT
-from pipeline.frame import Frame
-from pipeline.measure import Measurement, measure
-from pipeline.scenes import Head
-from pipeline.scenes.discs import add_discs
-from pipeline.scenes.panorama import Panorama
-from tracker_bridge.wire import Eye
+from entoptic.pipeline import Effects, Looking, Observer, View, perceive
+from entoptic.pipeline.effects.adaptation import FLOOR_CD_M2, Adaptation, Target, target_cd_m2
+from entoptic.pipeline.effects.adaptation.targets import LIMIT
+from entoptic.pipeline.frame import Frame
+from entoptic.pipeline.measure import Measurement, measure
+from entoptic.pipeline.scenes import Head
+from entoptic.pipeline.scenes.discs import add_discs
+from entoptic.pipeline.scenes.panorama import Panorama
+from entoptic.tracker_bridge.wire import Eye
 
 WINDOWED = (Target.LUI, Target.BAR_VIEW)
 

@@ -7,9 +7,9 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from pipeline.effects.afterimage import HALF_TD, TAU_S, Afterimage, Retina, geometry, rested, step
-from pipeline.effects.afterimage.retina import cone_matrix, low_resolution
-from pipeline.frame import View
+from entoptic.pipeline.effects.afterimage import HALF_TD, TAU_S, Afterimage, Retina, geometry, rested, step
+from entoptic.pipeline.effects.afterimage.retina import cone_matrix, low_resolution
+from entoptic.pipeline.frame import View
 
 VIEW = View(180, 150, 80.0)
 SETTINGS = Afterimage(on=True, cell_deg=1.5)

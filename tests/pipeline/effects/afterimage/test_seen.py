@@ -8,11 +8,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pipeline.effects.adaptation import exposure
-from pipeline.effects.afterimage import Afterimage, Retina, geometry, passed_on, rested, show, skipped, step
-from pipeline.effects.afterimage.seen import HELD_STILL, OWN_CD_M2, seen
-from pipeline.frame import LUMINANCE_WEIGHTS, View
-from pipeline.ranges import Range
+from entoptic.pipeline.effects.adaptation import exposure
+from entoptic.pipeline.effects.afterimage import Afterimage, Retina, geometry, passed_on, rested, show, skipped, step
+from entoptic.pipeline.effects.afterimage.seen import HELD_STILL, OWN_CD_M2, seen
+from entoptic.pipeline.frame import LUMINANCE_WEIGHTS, View
+from entoptic.pipeline.ranges import Range
 
 VIEW = View(180, 150, 80.0)
 MIDDLE = (90.0, 75.0)

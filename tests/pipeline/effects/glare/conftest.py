@@ -4,10 +4,10 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from pipeline import Frame, View
-from pipeline.effects.glare.kernel import Component, component
-from pipeline.frame import LUMINANCE_WEIGHTS
-from pipeline.measure import Measurement, measure
+from entoptic.pipeline import Frame, View
+from entoptic.pipeline.effects.glare.kernel import Component, component
+from entoptic.pipeline.frame import LUMINANCE_WEIGHTS
+from entoptic.pipeline.measure import Measurement, measure
 
 MakeComponent = Callable[..., Component]
 

@@ -6,11 +6,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pipeline import Frame, Glare, GlareLevel, GlareModel, Observer
-from pipeline.effects.glare import Mixture, Sight, changes, mixture, scatter
-from pipeline.measure import Measurement, luminance, measure
-from pipeline.optics.aperture import Pose
-from pipeline.ranges import Change
+from entoptic.pipeline import Frame, Glare, GlareLevel, GlareModel, Observer
+from entoptic.pipeline.effects.glare import Mixture, Sight, changes, mixture, scatter
+from entoptic.pipeline.measure import Measurement, luminance, measure
+from entoptic.pipeline.optics.aperture import Pose
+from entoptic.pipeline.ranges import Change
 
 OBSERVER = Observer()
 CASES = {

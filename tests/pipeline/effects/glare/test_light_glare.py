@@ -5,7 +5,7 @@ import dataclasses
 import numpy as np
 import pytest
 
-from pipeline import (
+from entoptic.pipeline import (
     Effects,
     Frame,
     Glare,
@@ -18,11 +18,11 @@ from pipeline import (
     View,
     perceive,
 )
-from pipeline.effects.glare import Sight, mixture, scatter
-from pipeline.effects.glare.light_glare import add_lights
-from pipeline.measure import luminance, measure
-from pipeline.optics import OpticsError
-from pipeline.optics.aperture import Pose
+from entoptic.pipeline.effects.glare import Sight, mixture, scatter
+from entoptic.pipeline.effects.glare.light_glare import add_lights
+from entoptic.pipeline.measure import luminance, measure
+from entoptic.pipeline.optics import OpticsError
+from entoptic.pipeline.optics.aperture import Pose
 
 VIEW = View(161, 161, 40.0)
 EYE = Observer(gratings=60)

@@ -8,12 +8,12 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from pipeline import Frame, View
-from pipeline.effects.glare import lights, window
-from pipeline.effects.glare.kernel import component
-from pipeline.effects.glare.lights import SUBPIXELS, Falloff, LightMixture, PointKernel
-from pipeline.frame import LUMINANCE_WEIGHTS, Light
-from pipeline.measure import luminance, measure
+from entoptic.pipeline import Frame, View
+from entoptic.pipeline.effects.glare import lights, window
+from entoptic.pipeline.effects.glare.kernel import component
+from entoptic.pipeline.effects.glare.lights import SUBPIXELS, Falloff, LightMixture, PointKernel
+from entoptic.pipeline.frame import LUMINANCE_WEIGHTS, Light
+from entoptic.pipeline.measure import luminance, measure
 
 VIEW = View(160, 140, 40.0)
 RADIUS = 12

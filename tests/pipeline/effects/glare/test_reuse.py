@@ -6,7 +6,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from pipeline import (
+from entoptic.pipeline import (
     Effects,
     Frame,
     Glare,

@@ -8,11 +8,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pipeline.effects.glare import reference, veil
-from pipeline.effects.glare.kernel import Mixture, Veil, component
-from pipeline.frame import View
-from pipeline.measure import luminance
-from pipeline.optics import analytic, radial
+from entoptic.pipeline.effects.glare import reference, veil
+from entoptic.pipeline.effects.glare.kernel import Mixture, Veil, component
+from entoptic.pipeline.frame import View
+from entoptic.pipeline.measure import luminance
+from entoptic.pipeline.optics import analytic, radial
 
 CIE = Veil(analytic.cie135, (35.0, 0.5))
 SHARE = radial.hemisphere_volume(CIE.density)

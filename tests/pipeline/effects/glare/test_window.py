@@ -9,10 +9,10 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from pipeline import View
-from pipeline.effects.glare import sources, window
-from pipeline.effects.glare.kernel import Component, Mixture
-from pipeline.measure import Measurement, luminance
+from entoptic.pipeline import View
+from entoptic.pipeline.effects.glare import sources, window
+from entoptic.pipeline.effects.glare.kernel import Component, Mixture
+from entoptic.pipeline.measure import Measurement, luminance
 
 VIEW = View(300, 260, 104.0)
 RADIUS = 19

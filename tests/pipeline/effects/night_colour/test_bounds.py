@@ -8,10 +8,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pipeline.effects.night_colour import NightColour, NightMethod, shift
-from pipeline.effects.night_colour.bounds import passed_on, skipped
-from pipeline.frame import LUMINANCE_WEIGHTS, FrameError
-from pipeline.ranges import Change, Range
+from entoptic.pipeline.effects.night_colour import NightColour, NightMethod, shift
+from entoptic.pipeline.effects.night_colour.bounds import passed_on, skipped
+from entoptic.pipeline.frame import LUMINANCE_WEIGHTS, FrameError
+from entoptic.pipeline.ranges import Change, Range
 
 TILE_PX = 4
 SIDE = 8

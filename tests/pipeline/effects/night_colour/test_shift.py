@@ -7,12 +7,12 @@ import msgspec
 import numpy as np
 import pytest
 
-from pipeline import mesopic
-from pipeline.effects.night_colour import NightColour, NightMethod, night_tint, shift
-from pipeline.effects.night_colour.share import adapted_share, share
-from pipeline.effects.night_colour.tints import CONE_PEAKS, CONES, ROD_XY, TINT, tint
-from pipeline.frame import LUMINANCE_WEIGHTS, FrameError
-from pipeline.primaries import RGB_TO_XYZ, SUM_WEIGHTS
+from entoptic.pipeline import mesopic
+from entoptic.pipeline.effects.night_colour import NightColour, NightMethod, night_tint, shift
+from entoptic.pipeline.effects.night_colour.share import adapted_share, share
+from entoptic.pipeline.effects.night_colour.tints import CONE_PEAKS, CONES, ROD_XY, TINT, tint
+from entoptic.pipeline.frame import LUMINANCE_WEIGHTS, FrameError
+from entoptic.pipeline.primaries import RGB_TO_XYZ, SUM_WEIGHTS
 
 RNG = np.random.default_rng(7)
 DISPLAYED = RNG.random((2, 3, 9, 11)).astype(np.float32)

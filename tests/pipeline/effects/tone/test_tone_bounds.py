@@ -7,12 +7,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pipeline.display_light import black_share
-from pipeline.effects import tone
-from pipeline.effects.tone import Hue, Operator, Tone
-from pipeline.frame import Display, Encoding
-from pipeline.measure import luminance
-from pipeline.ranges import Change, Range
+from entoptic.pipeline.display_light import black_share
+from entoptic.pipeline.effects import tone
+from entoptic.pipeline.effects.tone import Hue, Operator, Tone
+from entoptic.pipeline.frame import Display, Encoding
+from entoptic.pipeline.measure import luminance
+from entoptic.pipeline.ranges import Change, Range
 
 TILE_PX, SIDE_PX = 4, 12
 OPERATORS = [(operator, hue) for operator in Operator for hue in Hue]

@@ -4,13 +4,13 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq, minimize_scalar
 
-from pipeline.effects import tone
-from pipeline.effects.adaptation import exposure
-from pipeline.effects.tone import Hue, Operator, Tone, filmic
-from pipeline.frame import LUMINANCE_WEIGHTS, Display
-from pipeline.measure import luminance
-from pipeline.mesopic import larson_scotopic
-from pipeline.threshold import cone_threshold_cd_m2, rod_threshold_cd_m2, threshold_cd_m2
+from entoptic.pipeline.effects import tone
+from entoptic.pipeline.effects.adaptation import exposure
+from entoptic.pipeline.effects.tone import Hue, Operator, Tone, filmic
+from entoptic.pipeline.frame import LUMINANCE_WEIGHTS, Display
+from entoptic.pipeline.measure import luminance
+from entoptic.pipeline.mesopic import larson_scotopic
+from entoptic.pipeline.threshold import cone_threshold_cd_m2, rod_threshold_cd_m2, threshold_cd_m2
 
 WITHOUT_FILE = [operator for operator in Operator if operator is not Operator.CURVE]
 ADAPTED_CD_M2 = 1e-6, 1e-3, 0.03, 0.5, 20.0, 3e3

@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 from scipy.interpolate import PchipInterpolator
 
-from pipeline.display_light import black_share, reflected_cd_m2, viewer_cd_m2
-from pipeline.effects import tone
-from pipeline.effects.tone import Operator, Tone, own_curve
-from pipeline.frame import Display, FrameError
+from entoptic.pipeline.display_light import black_share, reflected_cd_m2, viewer_cd_m2
+from entoptic.pipeline.effects import tone
+from entoptic.pipeline.effects.tone import Operator, Tone, own_curve
+from entoptic.pipeline.frame import Display, FrameError
 
 POINTS = [(-3.0, 0.002), (-1.0, 0.03), (0.0, 0.18), (1.0, 0.7), (1.5, 0.7), (3.0, 1.0)]
 ABSOLUTE, RELATIVE = "log10_cd_m2", "log10_of_adapted"
