@@ -7,7 +7,7 @@ import time
 import jax.numpy as jnp
 import numpy as np
 
-from entoptic.pipeline import Effects, Frame, Glare, GlareLevel, Looking, Perceived, Planning, View, perceive
+from entoptic.pipeline import Effects, EyePose, Frame, Glare, GlareLevel, Perceived, Planning, View, perceive
 from entoptic.pipeline.budget import SHIPPED, corrected
 from entoptic.pipeline.cost.comparison import pareto
 from entoptic.pipeline.plan import Effect
@@ -30,7 +30,7 @@ def main() -> None:
     view = View(1440, 1600, 104.0)
     scene = open_scene("night-street")
     frames = [scene.frame(3.0 + k / 4, view, Head(), (Eye.LEFT,)) for k in range(4)]
-    truth = [perceive(frame, Looking(pupil_mm=PUPIL_MM), planning=Planning(everything=True)) for frame in frames]
+    truth = [perceive(frame, EyePose(pupil_mm=PUPIL_MM), planning=Planning(everything=True)) for frame in frames]
 
     print(
         "\n### The ladder, one eye, 1440×1600, night street\n\n"
@@ -49,7 +49,7 @@ def main() -> None:
         for turn in range(5):
             k = turn % len(frames)
             begun = time.perf_counter()
-            seen = perceive(frames[k], Looking(pupil_mm=PUPIL_MM), effects=effects, planning=plan)
+            seen = perceive(frames[k], EyePose(pupil_mm=PUPIL_MM), effects=effects, planning=plan)
             times.append((time.perf_counter() - begun) * 1e3)
             errors.append(np.abs(code_values(seen) - code_values(truth[k])).mean())
         points.append((float(np.median(times[1:])), float(np.mean(errors))))
@@ -76,7 +76,7 @@ def main() -> None:
             begun = time.perf_counter()
             seen = perceive(
                 frame,
-                Looking(pupil_mm=PUPIL_MM),
+                EyePose(pupil_mm=PUPIL_MM),
                 state=state,
                 dt_s=1 / 24,
                 planning=Planning(budget_ms=budget_ms),

@@ -7,7 +7,7 @@ import numpy as np
 import scipy.fft
 
 from benchmarks.table import interleaved, show
-from entoptic.pipeline import Glare, GlareLevel, GlareModel, Looking, Observer, RenderState, View, perceive
+from entoptic.pipeline import EyePose, Glare, GlareLevel, GlareModel, Observer, RenderState, View, perceive
 from entoptic.pipeline.effects import acuity, night_colour, tone
 from entoptic.pipeline.effects.encode import srgb_codes
 from entoptic.pipeline.effects.glare import Sight, mixture, scatter
@@ -59,7 +59,7 @@ def main(rounds: int = 15) -> None:
         "night colour": lambda: wait(night_colour.night_tint(shown, np.array([0.5]))),
         "encode": lambda: np.asarray(srgb_codes(shown, 0.0)),
         "whole frame, every effect called for": lambda: perceive(
-            frame, Looking(pupil_mm=5.1), observer=observer, state=state
+            frame, EyePose(pupil_mm=5.1), observer=observer, state=state
         ),
     }
     show("One eye, 1440×1600, float32", interleaved(parts, rounds), scipy_name)

@@ -11,7 +11,7 @@ import numpy as np
 
 from benchmarks import pfstools
 from benchmarks.pfstools import Image
-from entoptic.pipeline import Effects, Frame, FrameError, Looking, Observer, perceive
+from entoptic.pipeline import Effects, EyePose, Frame, FrameError, Observer, perceive
 from entoptic.pipeline.effects.adaptation import Adaptation
 
 SIZE = (64, 64)
@@ -46,7 +46,7 @@ def here(frames: Sequence[Image], effects: Effects = AS_SHIPPED) -> list[Image]:
         try:
             perceived = perceive(
                 Frame.from_rgb(rgb, 60.0),
-                Looking(pupil_mm=4.0),
+                EyePose(pupil_mm=4.0),
                 observer=OBSERVER,
                 state=state,
                 dt_s=1 / FPS,

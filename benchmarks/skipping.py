@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from benchmarks.table import interleaved
-from entoptic.pipeline import Looking, Perceived, Planning, perceive
+from entoptic.pipeline import EyePose, Perceived, Planning, perceive
 from entoptic.pipeline.cost.scenes import SCENES, scene
 from entoptic.services.process import prepare_jax
 
@@ -23,7 +23,7 @@ def main(rounds: int = 9) -> None:
     )
     for name in SCENES:
         frame = scene(name, 1440, 1600).frame
-        eye = Looking(pupil_mm=PUPIL_MM.get(name, 5.1))
+        eye = EyePose(pupil_mm=PUPIL_MM.get(name, 5.1))
 
         def seen(planning: Planning, frame=frame, eye=eye) -> Perceived:
             return perceive(frame, eye, planning=planning)

@@ -12,9 +12,9 @@ from benchmarks import pfstools
 from benchmarks.table import interleaved, show
 from entoptic.pipeline import (
     Effects,
+    EyePose,
     Glare,
     GlareLevel,
-    Looking,
     Observer,
     Perceived,
     Planning,
@@ -49,7 +49,7 @@ def main(rounds: int = 9) -> None:
         # A frame without a state: of one that has not changed the last glare would serve again.
         return perceive(
             frame,
-            Looking(pupil_mm=PUPIL_MM),
+            EyePose(pupil_mm=PUPIL_MM),
             observer=observer,
             effects=Effects(glare=Glare(level=level)),
             planning=planning,

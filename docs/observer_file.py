@@ -25,7 +25,7 @@ def page() -> str:
 def tables() -> str:
     """One table for each table of a settings file, those of the person first; keys as in the records."""
     known = {field.path: field for field in fields()}
-    by_table: dict[str, list[Field]] = {"observer": [], "observer.living": [], "display": [], "plan": []}
+    by_table: dict[str, list[Field]] = {"observer": [], "observer.ocular_dynamics": [], "display": [], "plan": []}
     for path in _paths(msgspec.to_builtins(Settings()), ""):
         table = path.rpartition(".")[0]
         by_table.setdefault(table, []).append(known[path])

@@ -2,7 +2,7 @@
 
 frame.py      Frame, view geometry, display
 observer.py   the person who looks
-looking.py    how one eye looks at a frame
+eye_pose.py    how one eye looks at a frame
 ranges.py     what may stand in a frame's tiles, and what may change
 scenes/       where frames come from
 measure.py    what a frame contains
@@ -24,9 +24,9 @@ jax.config.update("jax_enable_x64", True)
 
 from entoptic.pipeline.effects.glare import Glare, GlareLevel, GlareModel  # noqa: E402 - after the switch above
 from entoptic.pipeline.effects.settings import Effects  # noqa: E402
+from entoptic.pipeline.eye_pose import EyePose  # noqa: E402
 from entoptic.pipeline.frame import Display, Encoding, Frame, FrameError, Light, View  # noqa: E402 - after the switch above
-from entoptic.pipeline.looking import Looking  # noqa: E402
-from entoptic.pipeline.observer import Iris, Living, Observer  # noqa: E402
+from entoptic.pipeline.observer import Iris, Observer, OcularDynamics  # noqa: E402
 from entoptic.pipeline.plan import Effect, Plan, Planning, Step  # noqa: E402
 from entoptic.pipeline.render import Perceived, RenderState, as_displayed, perceive  # noqa: E402
 
@@ -35,6 +35,7 @@ __all__ = [
     "Effect",
     "Effects",
     "Encoding",
+    "EyePose",
     "Frame",
     "FrameError",
     "Glare",
@@ -42,9 +43,8 @@ __all__ = [
     "GlareModel",
     "Iris",
     "Light",
-    "Living",
-    "Looking",
     "Observer",
+    "OcularDynamics",
     "Perceived",
     "Plan",
     "Planning",

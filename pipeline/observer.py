@@ -20,7 +20,7 @@ class Iris(enum.StrEnum):
     BLUE = "blue"
 
 
-class Living(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+class OcularDynamics(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """Which parts of the eye move (RIT §3). All at rest unless asked for: a kernel then serves for many frames."""
 
     microfluctuations: bool = False
@@ -60,7 +60,7 @@ class Observer(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """Scattering particles of the vitreous that lie before the pupil plane, on average (RIT §3.4). With 250, and 5400
     cells of the cornea, cornea, lens and vitreous scatter as 27.6 : 40 : 10.6 (RIT Table 1: 25–30 : 40 : 10)."""
     lashes: Annotated[int, msgspec.Meta(ge=0, le=500)] = 90
-    """Lashes of the upper lid; they matter only where `living.lashes` lets them hang before the pupil."""
+    """Lashes of the upper lid; they matter only where `ocular_dynamics.lashes` lets them hang before the pupil."""
     squint_openness: Share = 0.55
     """How far squinting leaves the lids open. Engineering choice: the upper lid then hangs 0.5 mm above the pupil's
     centre."""
@@ -68,4 +68,4 @@ class Observer(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """Error of accommodation or refraction in dioptres; 0: in focus."""
     seed: Annotated[int, msgspec.Meta(ge=0)] = 0
     """Which of all eyes with these statistics."""
-    living: Living = Living()
+    ocular_dynamics: OcularDynamics = OcularDynamics()

@@ -24,12 +24,12 @@ from entoptic.pipeline.effects.afterimage import Retina
 from entoptic.pipeline.effects.encode import encode
 from entoptic.pipeline.effects.glare import Glare, GlareLevel, Mixture, Sight, mixture, scatter
 from entoptic.pipeline.effects.settings import Effects
+from entoptic.pipeline.eye_pose import EyePose
 from entoptic.pipeline.frame import Display, Frame, FrameError, View
-from entoptic.pipeline.looking import Looking
 from entoptic.pipeline.measure import Measurement, luminance, measure
 from entoptic.pipeline.observer import Observer
-from entoptic.pipeline.optics import living
-from entoptic.pipeline.optics.living import LivingState
+from entoptic.pipeline.optics import ocular_dynamics
+from entoptic.pipeline.optics.ocular_dynamics import OcularState
 from entoptic.pipeline.optics.pupil import watson_yellott_mm
 from entoptic.pipeline.plan import SKIPPED, Effect, Eye, Plan, Planning, Scenery, Step, make_plan
 
@@ -43,7 +43,7 @@ class RenderState:
 
     adapted_cd_m2: tuple[float, ...]
     """The luminance each eye is adapted to."""
-    living: tuple[LivingState, ...] = ()
+    ocular: tuple[OcularState, ...] = ()
     """What of each eye is in motion; empty: all at rest."""
     glared: Glared | None = None
     """The last frame with its glare: while nothing changes it serves again."""
@@ -104,7 +104,7 @@ class Perceived:
 
 def perceive(
     frame: Frame,
-    eye: Looking | Sequence[Looking] = Looking(),
+    eye: EyePose | Sequence[EyePose] = EyePose(),
     *,
     observer: Observer = Observer(),
     display: Display = Display(),
@@ -116,12 +116,12 @@ def perceive(
 ) -> Perceived:
     """A frame as a person perceives it.
 
-    `eye` is one `Looking` for all images of the frame or one for each. `state` is what the frame before left behind,
+    `eye` is one `EyePose` for all images of the frame or one for each. `state` is what the frame before left behind,
     `dt_s` how long ago that was; without a state the eyes are fully adapted to this frame and at rest. `costs` matter
     where `planning` sets a budget. Raises FrameError where the number of eyes and of images differ.
     """
     images = frame.rgb_cd_m2.shape[0]
-    eyes = (eye,) * images if isinstance(eye, Looking) else tuple(eye)
+    eyes = (eye,) * images if isinstance(eye, EyePose) else tuple(eye)
     if len(eyes) != images or (state is not None and len(state.adapted_cd_m2) != images):
         raise FrameError(f"a frame of {images} images for {len(eyes)} eyes: give one for each")
     clock = _Clock()
@@ -130,7 +130,7 @@ def perceive(
     adapted_cd_m2 = tuple(one.luminance_cd_m2 for one in adapted)
     moving = _move(observer, eyes, pupils := _pupils(frame.view, eyes, adapted_cd_m2, observer), state, dt_s)
     poses = [
-        living.pose_of(motion, observer, pupil_mm, eye.openness, measured=eye.pupil_mm is not None)
+        ocular_dynamics.pose_of(motion, observer, pupil_mm, eye.openness, measured=eye.pupil_mm is not None)
         for motion, pupil_mm, eye in zip(moving, pupils, eyes, strict=True)
     ]
     used_mm = tuple(pose.pupil_mm for pose in poses)
@@ -240,7 +240,7 @@ def _mean_log(rgb: Float[Array, "eye 3 y x"]) -> Float[Array, "eye"]:
 def _adapt(
     frame: Frame,
     measured: Sequence[Measurement],
-    eyes: Sequence[Looking],
+    eyes: Sequence[EyePose],
     state: RenderState | None,
     dt_s: float,
     effects: Effects,
@@ -264,7 +264,7 @@ def _adapt(
 
 def _remember(
     frame: Frame,
-    eyes: Sequence[Looking],
+    eyes: Sequence[EyePose],
     pupils: Sequence[float],
     adapted_cd_m2: Sequence[float],
     state: RenderState | None,
@@ -297,7 +297,7 @@ def _scenery(frame: Frame) -> Scenery:
     return Scenery(eyes * height * width / 1e6, len(frame.lights))
 
 
-def _pupils(view: View, eyes: Sequence[Looking], adapted: Sequence[float], observer: Observer) -> tuple[float, ...]:
+def _pupils(view: View, eyes: Sequence[EyePose], adapted: Sequence[float], observer: Observer) -> tuple[float, ...]:
     field_deg2 = view.fov_deg * math.degrees(2 * math.atan(view.height_px / 2 / view.focal_px))
     return tuple(
         watson_yellott_mm(luminance_cd_m2, field_deg2, observer.age_years) if eye.pupil_mm is None else eye.pupil_mm
@@ -306,12 +306,14 @@ def _pupils(view: View, eyes: Sequence[Looking], adapted: Sequence[float], obser
 
 
 def _move(
-    observer: Observer, eyes: Sequence[Looking], pupils: Sequence[float], state: RenderState | None, dt_s: float
-) -> tuple[LivingState, ...]:
-    before = () if state is None else state.living
+    observer: Observer, eyes: Sequence[EyePose], pupils: Sequence[float], state: RenderState | None, dt_s: float
+) -> tuple[OcularState, ...]:
+    before = () if state is None else state.ocular
     return tuple(
-        living.step(motion, observer, dt_s, pupil_mm, eye.kicks)
-        for motion, pupil_mm, eye in zip(before or (living.at_rest(observer),) * len(eyes), pupils, eyes, strict=True)
+        ocular_dynamics.step(motion, observer, dt_s, pupil_mm, eye.saccade_impulses)
+        for motion, pupil_mm, eye in zip(
+            before or (ocular_dynamics.at_rest(observer),) * len(eyes), pupils, eyes, strict=True
+        )
     )
 
 

@@ -185,7 +185,8 @@ class StateReader:
             if events is None:
                 raise BridgeSilentError(
                     f"the bridge at {self._addresses} does not answer who asks for its events: see that it runs and "
-                    "that its replay port is open to this machine, or switch living.vitreous off, which needs them"
+                    "that its replay port is open to this machine, or switch ocular_dynamics.vitreous off, which "
+                    "needs them"
                 )
             self._note(events)
         told = tuple(saccade for saccade in self._saccades if saccade.t_ns <= t_ns)

@@ -4,7 +4,7 @@ pupil.py          how wide a pupil is at a luminance and an age
 aperture.py       the pupil plane: how all that shades it stands at one moment
   cornea.py lens.py vitreous.py lids.py   what shades it, each with its own statistics
   coverage.py     how much of a grid's cells a shape covers, exactly
-living.py         what moves from frame to frame
+ocular_dynamics.py         what moves from frame to frame
   microfluctuations.py lens_springs.py vitreous_motion.py value_noise.py damped.py
 diffraction.py    the pupil plane's monochromatic point-spread function
 light_spectra.py  what each wavelength contributes to the frame's channels

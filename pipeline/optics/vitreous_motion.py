@@ -35,7 +35,7 @@ Axes = tuple[float, float]
 
 
 @dataclasses.dataclass(frozen=True)
-class Kick:
+class SaccadeImpulse:
     """A turn of the eye, by a saccade or microsaccade. Raises OpticsError for what no eye does."""
 
     right_deg: float
@@ -65,10 +65,10 @@ class VitreousState:
     deg_s: Axes = (0.0, 0.0)
 
 
-def step(state: VitreousState, dt_s: float, kicks: Sequence[Kick]) -> VitreousState:
-    """The vitreous `dt_s` ≥ 0 later, with the kicks of this step. Exact for any time."""
+def step(state: VitreousState, dt_s: float, impulses: Sequence[SaccadeImpulse]) -> VitreousState:
+    """The vitreous `dt_s` ≥ 0 later, with the impulses of this step. Exact for any time."""
     deg, deg_s = _freely(np.array(state.deg), np.array(state.deg_s), dt_s)
-    for kick in kicks:
+    for kick in impulses:
         behind = _freely(-LAG_SHARE * np.array((kick.right_deg, kick.up_deg)), np.zeros(2), kick.ago_s)
         deg, deg_s = deg + behind[0], deg_s + behind[1]
     return VitreousState((float(deg[0]), float(deg[1])), (float(deg_s[0]), float(deg_s[1])))

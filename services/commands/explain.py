@@ -59,7 +59,7 @@ def explain(
     Of a session, gaze, pupils and adaptation are those of its frame.
     """
     prepare_jax()
-    from entoptic.pipeline import FrameError, Looking
+    from entoptic.pipeline import EyePose, FrameError
     from entoptic.pipeline.budget import SHIPPED
     from entoptic.pipeline.budget import load as load_costs
     from entoptic.services.explain import page, subject, timeline, variants
@@ -88,7 +88,7 @@ def explain(
         seen = subject.from_image(
             target,
             load(settings),
-            Looking(*direction_of(gaze), pupil_mm),
+            EyePose(*direction_of(gaze), pupil_mm),
             adaptation,
             fov,
             mean_luminance,

@@ -87,7 +87,7 @@ def psf(
     if save_observer is not None:
         observer_file.refuse_unwritable(save_observer)
     observer = tuned.observer
-    pose = Pose(pupil_mm, observer.defocus_d, openness, observer.living.lashes)
+    pose = Pose(pupil_mm, observer.defocus_d, openness, observer.ocular_dynamics.lashes)
     subject = Subject(observer, pose, tuned.glare.model, adaptation, spectrum, wavelengths)
     results.run(subject, results.Wanted(size_px, field_deg, sheets, film), out, console)
     if save_observer is not None:

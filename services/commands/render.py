@@ -62,7 +62,7 @@ def render(
 ) -> None:
     """Perceive one HDR image."""
     prepare_jax()
-    from entoptic.pipeline import Glare, Looking
+    from entoptic.pipeline import EyePose, Glare
     from entoptic.services import render as renders
     from entoptic.services.explain.subject import from_image
     from entoptic.services.settings import load, planned
@@ -85,7 +85,7 @@ def render(
     seen = from_image(
         str(image),
         replace(loaded, observer=observer, display=display, glare=chosen),
-        Looking(*direction_of(gaze), pupil_mm),
+        EyePose(*direction_of(gaze), pupil_mm),
         adaptation,
         fov,
         mean_luminance,

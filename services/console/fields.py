@@ -25,10 +25,10 @@ FIRST = (
     "observer.particles",
     "observer.particle_mm",
     "observer.defocus_d",
-    "observer.living.lids",
-    "observer.living.lashes",
-    "observer.living.squint",
-    "observer.living.hippus",
+    "observer.ocular_dynamics.lids",
+    "observer.ocular_dynamics.lashes",
+    "observer.ocular_dynamics.squint",
+    "observer.ocular_dynamics.hippus",
     "plan.budget_ms",
 )
 """What LUI §5.2.4 lets a person tune, and what a session that falls behind needs."""

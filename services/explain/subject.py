@@ -13,7 +13,7 @@ from typing import Any
 import msgspec
 import numpy as np
 
-from entoptic.pipeline import Frame, FrameError, Light, Looking, Perceived, Planning, RenderState, View, perceive
+from entoptic.pipeline import EyePose, Frame, FrameError, Light, Perceived, Planning, RenderState, View, perceive
 from entoptic.pipeline.budget import CostModel
 from entoptic.pipeline.scenes import Head, image_file, open_scene
 from entoptic.services.settings import Settings
@@ -30,7 +30,7 @@ class Subject:
 
     title: str
     frame: Frame
-    looking: tuple[Looking, ...]
+    looking: tuple[EyePose, ...]
     """Of each eye."""
     settings: Settings
     adapted_cd_m2: tuple[float, ...] | None = None
@@ -56,7 +56,7 @@ class Subject:
 def from_image(
     image: str,
     settings: Settings,
-    looking: Looking,
+    looking: EyePose,
     adapted_cd_m2: float | None,
     fov_deg: float,
     mean_luminance_cd_m2: float | None,
@@ -135,9 +135,9 @@ def _row(path: Path, number: int) -> Mapping[str, str]:
     raise FrameError(f"{path} has no frame {number}; is the session whole?")
 
 
-def _looking(row: Mapping[str, str], name: str, view: View) -> Looking:
+def _looking(row: Mapping[str, str], name: str, view: View) -> EyePose:
     right = (float(row[f"{name}_gaze_x_px"]) - view.width_px / 2) / view.focal_px
     up = (view.height_px / 2 - float(row[f"{name}_gaze_y_px"])) / view.focal_px
     azimuth = math.atan(right)
     elevation = math.atan(up * math.cos(azimuth))
-    return Looking(math.degrees(azimuth), math.degrees(elevation), float(row[f"{name}_pupil_mm"]))
+    return EyePose(math.degrees(azimuth), math.degrees(elevation), float(row[f"{name}_pupil_mm"]))

@@ -12,9 +12,9 @@ from jaxtyping import UInt8
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from entoptic.pipeline.observer import Living
-from entoptic.pipeline.optics import living
-from entoptic.pipeline.optics.living import Kick
+from entoptic.pipeline.observer import OcularDynamics
+from entoptic.pipeline.optics import ocular_dynamics
+from entoptic.pipeline.optics.ocular_dynamics import SaccadeImpulse
 from entoptic.pipeline.sinks.video import Video
 from entoptic.services.psf import layout
 from entoptic.services.psf.picture import displayed, radiance
@@ -38,28 +38,28 @@ def write(folder: Path, subject: Subject, seconds: float, progress: Callable[[in
 
     Each frame shows how the light that gets in is spread; how much that is, the lids and the pupil say.
     """
-    everything = Living(
+    everything = OcularDynamics(
         microfluctuations=True, lens=True, vitreous=True, lids=True, lashes=True, hippus=True, squint=False
     )
-    observer = msgspec.structs.replace(subject.observer, living=everything)
+    observer = msgspec.structs.replace(subject.observer, ocular_dynamics=everything)
     count = max(round(seconds * FPS), 1)
     ruler = _ruler(SIDE_PX)
     on_strip = {round(k * (count - 1) / max(STRIP - 1, 1)) for k in range(STRIP)}
     panels = []
     saccades = np.random.default_rng([observer.seed, _SACCADE_STREAM])
-    state, mean_mm = living.at_rest(observer), subject.pose.pupil_mm
+    state, mean_mm = ocular_dynamics.at_rest(observer), subject.pose.pupil_mm
     with Video(folder / "psf.mp4", SIDE_PX, SIDE_PX, FPS) as video:
         for number in range(count):
             t_s = number / FPS
-            pose = living.pose_of(state, observer, mean_mm, openness_at(t_s), measured=False)
+            pose = ocular_dynamics.pose_of(state, observer, mean_mm, openness_at(t_s), measured=False)
             now = dataclasses.replace(subject, observer=observer, pose=pose)
             image = displayed(radiance(now, SIDE_PX, FIELD_DEG))
             video.write(np.where(ruler > 0, ruler, image).astype(np.uint8))
             if number in on_strip:
                 words = f"{t_s:.2f} s · {pose.pupil_mm:.2f} mm · {pose.defocus_d:+.2f} D · lids {pose.openness:.0%}"
                 panels.append(layout.Panel(words, _halved(image)))
-            kicks = _kicks(t_s, saccades)
-            state = living.step(state, observer, 1 / FPS, mean_mm, kicks)
+            saccade_impulses = _kicks(t_s, saccades)
+            state = ocular_dynamics.step(state, observer, 1 / FPS, mean_mm, saccade_impulses)
             progress(number + 1, count)
     half = (len(panels) + 1) // 2
     rows = tuple(row for row in (tuple(panels[:half]), tuple(panels[half:])) if row)
@@ -76,12 +76,12 @@ def openness_at(t_s: float) -> float:
     return 1.0 - closed * closed * (3 - 2 * closed)
 
 
-def _kicks(t_s: float, saccades: np.random.Generator) -> tuple[Kick, ...]:
+def _kicks(t_s: float, saccades: np.random.Generator) -> tuple[SaccadeImpulse, ...]:
     """The turns of the eye until the next frame."""
     if int((t_s + 1 / FPS) / SACCADE_EVERY_S) == int(t_s / SACCADE_EVERY_S):
         return ()
     right_deg, up_deg = np.clip(saccades.normal(0, SACCADE_DEG, 2), -20, 20)
-    return (Kick(float(right_deg), float(up_deg)),)
+    return (SaccadeImpulse(float(right_deg), float(up_deg)),)
 
 
 def _halved(image: UInt8[np.ndarray, "k k 3"]) -> UInt8[np.ndarray, "h h 3"]:

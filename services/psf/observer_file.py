@@ -21,7 +21,7 @@ def tuned(settings: Settings, observer: Mapping[str, object], *, lashes: bool | 
     values = msgspec.to_builtins(settings)
     values["observer"] |= {name: value for name, value in observer.items() if value is not None}
     if lashes is not None:
-        values["observer"]["living"]["lashes"] = lashes
+        values["observer"]["ocular_dynamics"]["lashes"] = lashes
     if model is not None:
         values["glare"]["model"] = model
     try:

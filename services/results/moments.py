@@ -20,7 +20,7 @@ import msgspec
 from entoptic.errors import EntopticError
 from entoptic.pipeline import RenderState, View
 from entoptic.pipeline.budget import CostModel, Timing
-from entoptic.pipeline.optics.living import Kick
+from entoptic.pipeline.optics.ocular_dynamics import SaccadeImpulse
 from entoptic.pipeline.scenes import Head
 from entoptic.services.results import kept
 from entoptic.services.settings import Settings
@@ -67,7 +67,7 @@ class Moment(msgspec.Struct, frozen=True, tag_field="is", tag="frame"):
     """Since the frame before."""
     head: Head
     state: EyeState | None
-    kicks: tuple[Kick, ...]
+    saccade_impulses: tuple[SaccadeImpulse, ...]
     """The eyes' turns that were told since the frame before."""
     dropped: int
     """Frames left out so far."""

@@ -64,7 +64,7 @@ def run(
                     results.resume(record)
                 case Moment():
                     rendered = rendering.render(
-                        record.frame, record.t_s, record.dt_s, record.head, record.state, record.kicks
+                        record.frame, record.t_s, record.dt_s, record.head, record.state, record.saccade_impulses
                     )
                     rendering.correct(record.timings)
                     results.add(rendered, record)

@@ -229,10 +229,10 @@ class LiveWorker:
         newest = self._reader.newest()
         self._state = newest or (None if self._reader.silent_s > GONE_S else self._state)
         told = self._reader.saccades_heard()
-        kicked = self._rendering.perception.observer.living.vitreous and self._state is not None
-        kicks = kicks_of(told, self._state.t_ns) if kicked and self._state is not None else ()
+        kicked = self._rendering.perception.observer.ocular_dynamics.vitreous and self._state is not None
+        saccade_impulses = kicks_of(told, self._state.t_ns) if kicked and self._state is not None else ()
         head = self._head_path.step(t_s, dt_s, self._head, gaze_deg(self._state))
-        arguments = (frame, t_s, dt_s, head, self._state, kicks)
+        arguments = (frame, t_s, dt_s, head, self._state, saccade_impulses)
         try:
             rendered = self._rendering.render(*arguments)
         except (FrameError, OpticsError) as error:
@@ -248,7 +248,7 @@ class LiveWorker:
         timings = tuple(rendered.perceived.timings)
         self._rendering.correct(timings)
         self._t_s, self._head, self._frame = t_s, head, frame
-        moment = Moment(frame, t_s, dt_s, head, self._state, kicks, self._dropped, timings)
+        moment = Moment(frame, t_s, dt_s, head, self._state, saccade_impulses, self._dropped, timings)
         self._sink(rendered, moment, begun_ns)
 
     def _sink(self, rendered: Rendered, moment: Moment, begun_ns: int) -> None:

@@ -9,7 +9,7 @@ from pathlib import Path
 import msgspec
 import structlog
 
-from entoptic.pipeline.optics.living import Kick
+from entoptic.pipeline.optics.ocular_dynamics import SaccadeImpulse
 from entoptic.pipeline.scenes import Head
 from entoptic.pipeline.scenes.head_path import HeadPath
 from entoptic.services.options import Save
@@ -48,12 +48,12 @@ def run(
     head, last_t_s = Head(), 0.0
     begun = begin(job, rendering, live=False)
     with Results(out, begun, save, parts=False, frames=frames) as results:
-        kicked = rendering.perception.observer.living.vitreous
-        for frame, t_s, state, kicks in _frames(reader, job.fps, start_ns, frames, stop, kicked):
+        kicked = rendering.perception.observer.ocular_dynamics.vitreous
+        for frame, t_s, state, saccade_impulses in _frames(reader, job.fps, start_ns, frames, stop, kicked):
             dt_s, last_t_s = t_s - last_t_s, t_s
             head = head_path.step(t_s, dt_s, head, gaze_deg(state))
-            rendered = rendering.render(frame, t_s, dt_s, head, state, kicks)
-            results.add(rendered, Moment(frame, t_s, dt_s, head, state, kicks, 0))
+            rendered = rendering.render(frame, t_s, dt_s, head, state, saccade_impulses)
+            results.add(rendered, Moment(frame, t_s, dt_s, head, state, saccade_impulses, 0))
             results.note(rendered)
             log.info("progress", frame=frame + 1, frames=frames, dropped=0)
         if frames is not None:
@@ -90,7 +90,7 @@ def heard(reader: StateReader) -> Heard:
 
 def _frames(
     reader: StateReader, fps: float, start_ns: int, frames: int | None, stop: Stop, kicked: bool
-) -> Iterator[tuple[int, float, EyeState | None, tuple[Kick, ...]]]:
+) -> Iterator[tuple[int, float, EyeState | None, tuple[SaccadeImpulse, ...]]]:
     """Each frame's number and time, with the newest state at its own recorded time, and the saccades till then."""
     state, frame = None, 0
     while not stop() and (frames is None or frame < frames):

@@ -9,9 +9,9 @@ from collections.abc import Callable, Iterable
 import numpy as np
 from msgspec.structs import replace
 
-from entoptic.pipeline import Frame, GlareLevel, Looking, Perceived, Planning, RenderState, View, as_displayed, perceive
+from entoptic.pipeline import EyePose, Frame, GlareLevel, Perceived, Planning, RenderState, View, as_displayed, perceive
 from entoptic.pipeline.budget import SHIPPED, Choice, CostModel, Timing, corrected
-from entoptic.pipeline.optics.living import Kick
+from entoptic.pipeline.optics.ocular_dynamics import SaccadeImpulse
 from entoptic.pipeline.plan import SKIPPED
 from entoptic.pipeline.scenes import Head, Scene
 from entoptic.services.settings import Settings
@@ -22,7 +22,7 @@ FRESH_NS = 100_000_000
 KICK_LASTS_NS = 2_000_000_000
 """A saccade that was over before moves the vitreous no more: a hundredth of its lag is left."""
 FARTHEST_DEG = 90.0
-"""No eye turns farther in its socket: a longer saccade is a glitch of the tracker, and kicks nothing."""
+"""No eye turns farther in its socket: a longer saccade is a glitch of the tracker, and moves nothing."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -32,7 +32,7 @@ class Rendered:
     frame_number: int
     t_s: float
     state: EyeState | None
-    looking: tuple[Looking, ...]
+    looking: tuple[EyePose, ...]
     frame: Frame
     perceived: Perceived
     scene_ms: float
@@ -57,14 +57,20 @@ class Rendering:
         """What the eyes remember after the last frame."""
 
     def render(
-        self, frame_number: int, t_s: float, dt_s: float, head: Head, state: EyeState | None, kicks: tuple[Kick, ...]
+        self,
+        frame_number: int,
+        t_s: float,
+        dt_s: float,
+        head: Head,
+        state: EyeState | None,
+        impulses: tuple[SaccadeImpulse, ...],
     ) -> Rendered:
         """One more frame. Where it fails, nothing is remembered of it."""
         begun = time.perf_counter()
         frame = self._scene.frame(t_s, self._view, head, self._eyes)
         frame.rgb_cd_m2.block_until_ready()
         scene_ms = (time.perf_counter() - begun) * 1e3
-        looking = tuple(looking_of(state, eye, kicks) for eye in self._eyes)
+        looking = tuple(looking_of(state, eye, impulses) for eye in self._eyes)
         perceived = _perceive(frame, looking, self.perception, self.memory, dt_s, self.costs)
         self.memory = perceived.state
         return Rendered(frame_number, t_s, state, looking, frame, perceived, scene_ms)
@@ -97,30 +103,30 @@ class Rendering:
                 return time.perf_counter() - begun
             lamp[:, :, view.height_px // 2, view.width_px // 2] = lamp_cd_m2
             frame = Frame.from_rgb(lamp, view.fov_deg)
-            _perceive(frame, (Looking(pupil_mm=4.1),) * len(eyes), asked, None, 0.0)
+            _perceive(frame, (EyePose(pupil_mm=4.1),) * len(eyes), asked, None, 0.0)
         lamp[:] = 100.0
         lamp[:, :, : view.height_px // 8, : view.width_px // 8] = 1e-3
         bright = Frame.from_rgb(lamp, view.fov_deg)
         fading = {"acuity": Choice(perception.acuity.method.value, SKIPPED, 0.5)}
         before = RenderState((1.0,) * len(eyes), choices=fading)
-        _perceive(bright, (Looking(pupil_mm=4.0),) * len(eyes), perception, before, 0.0)
+        _perceive(bright, (EyePose(pupil_mm=4.0),) * len(eyes), perception, before, 0.0)
         as_displayed(bright, perception.display)
         return time.perf_counter() - begun
 
 
-def looking_of(state: EyeState | None, eye: Eye, kicks: tuple[Kick, ...] = ()) -> Looking:
+def looking_of(state: EyeState | None, eye: Eye, impulses: tuple[SaccadeImpulse, ...] = ()) -> EyePose:
     """How one eye looks, by the bridge's word: its own gaze while that is fresh, its last trusted pupil, its lids.
 
-    Both eyes make their saccades together, so `kicks` are the same for both. Lids of which nothing is known are open.
+    Both eyes make their saccades together: `impulses` are the same for both. Lids of which nothing is known are open.
     """
     if state is None:
-        return Looking()
+        return EyePose()
     one = state.of(eye)
     gaze = one.gaze
     if gaze is None or state.t_ns - gaze.t_ns > FRESH_NS:
         gaze = state.gaze or gaze or Direction(0.0, 0.0, state.t_ns)
     openness = 1.0 if one.openness is None else one.openness
-    return Looking(gaze.azimuth_deg, gaze.elevation_deg, one.diameter_mm, openness, kicks)
+    return EyePose(gaze.azimuth_deg, gaze.elevation_deg, one.diameter_mm, openness, impulses)
 
 
 def gaze_deg(state: EyeState | None) -> tuple[float, float] | None:
@@ -128,10 +134,10 @@ def gaze_deg(state: EyeState | None) -> tuple[float, float] | None:
     return None if state is None or state.gaze is None else (state.gaze.azimuth_deg, state.gaze.elevation_deg)
 
 
-def kicks_of(saccades: Iterable[SaccadeOffset], t_ns: int) -> tuple[Kick, ...]:
+def kicks_of(saccades: Iterable[SaccadeOffset], t_ns: int) -> tuple[SaccadeImpulse, ...]:
     """How the eyes turned, for a frame at `t_ns` of the bridge's clock."""
     return tuple(
-        Kick(saccade.azimuth_deg, saccade.elevation_deg, max(t_ns - saccade.offset_ns, 0) / NS_PER_S)
+        SaccadeImpulse(saccade.azimuth_deg, saccade.elevation_deg, max(t_ns - saccade.offset_ns, 0) / NS_PER_S)
         for saccade in saccades
         if t_ns - saccade.offset_ns <= KICK_LASTS_NS
         and max(abs(saccade.azimuth_deg), abs(saccade.elevation_deg)) <= FARTHEST_DEG
@@ -140,7 +146,7 @@ def kicks_of(saccades: Iterable[SaccadeOffset], t_ns: int) -> tuple[Kick, ...]:
 
 def _perceive(
     frame: Frame,
-    looking: tuple[Looking, ...],
+    looking: tuple[EyePose, ...],
     perception: Settings,
     memory: RenderState | None,
     dt_s: float,

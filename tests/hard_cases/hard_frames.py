@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from entoptic.pipeline import Effects, Frame, Glare, Looking, Observer, Perceived, Planning, RenderState, View, perceive
+from entoptic.pipeline import Effects, EyePose, Frame, Glare, Observer, Perceived, Planning, RenderState, View, perceive
 
 SMALL = Observer(particles=50, gratings=20)
-EYE = Looking(pupil_mm=4.0)
+EYE = EyePose(pupil_mm=4.0)
 FOV_DEG = 60.0
 SPREAD = Glare()
 UNSPREAD = Glare(above_display=True)
@@ -68,7 +68,7 @@ def of_name(name: str) -> tuple[NDArray[np.float32], NDArray[np.float64]]:
 
 def see(
     rgb: np.ndarray,
-    eye: Looking = EYE,
+    eye: EyePose = EYE,
     state: RenderState | None = None,
     dt_s: float = 0.0,
     glare: Glare = SPREAD,

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from hard_frames import EYE, FOV_DEG, SMALL, grey, see, textured
 
-from entoptic.pipeline import Frame, Looking, Perceived, RenderState, View, perceive
+from entoptic.pipeline import EyePose, Frame, Perceived, RenderState, View, perceive
 from entoptic.services.worker.rendering import looking_of
 from entoptic.tracker_bridge.chain import records_of
 from entoptic.tracker_bridge.samples import Eye, EyeState, GazeSample, Phase, PupilSample
@@ -93,7 +93,7 @@ def test_eyes_that_were_never_seen_look_straight_ahead_with_the_pupil_that_the_l
     state: EyeState | None,
 ) -> None:
     (seen,) = session([state])
-    expected = perceive(pair(), Looking(), observer=SMALL)
+    expected = perceive(pair(), EyePose(), observer=SMALL)
     assert np.array_equal(seen.image, expected.image)
     assert all(2.0 < mm < 8.0 for mm in seen.pupil_mm)
 
@@ -128,15 +128,15 @@ def test_a_gaze_outside_the_frame_adapts_to_what_of_the_frame_is_nearest(
     azimuth_deg: float, elevation_deg: float
 ) -> None:
     edge = View(64, 60, FOV_DEG).fov_deg / 2
-    out = see(halves(), Looking(azimuth_deg, elevation_deg, 4.0))
-    at_the_edge = see(halves(), Looking(np.copysign(edge, azimuth_deg), 0.0, 4.0))
+    out = see(halves(), EyePose(azimuth_deg, elevation_deg, 4.0))
+    at_the_edge = see(halves(), EyePose(np.copysign(edge, azimuth_deg), 0.0, 4.0))
     assert out.state.adapted_cd_m2 == pytest.approx(at_the_edge.state.adapted_cd_m2, rel=1e-6)
     assert out.image.shape == (1, 60, 64, 3)
 
 
 def test_a_gaze_that_leaves_the_frame_does_not_jump() -> None:
     path = np.arange(20.0, 60.0, 1.0)
-    adapted = [see(halves(), Looking(float(deg), 0.0, 4.0)).state.adapted_cd_m2[0] for deg in path]
+    adapted = [see(halves(), EyePose(float(deg), 0.0, 4.0)).state.adapted_cd_m2[0] for deg in path]
     steps = np.abs(np.diff(np.log(adapted)))
     assert steps[path[1:] > 31].max() == 0
     assert steps.max() < 0.05
@@ -146,7 +146,7 @@ def test_what_a_gaze_far_outside_sees_is_not_glared_by_a_window_that_has_left() 
     """The window follows the gaze out of the frame: of light that it leaves behind the veil alone is left."""
     rgb = grey(0.1)
     rgb[30, 20] = 1e4
-    perceived = see(rgb, Looking(90.0, 0.0, 4.0))
+    perceived = see(rgb, EyePose(90.0, 0.0, 4.0))
     assert np.isfinite(np.asarray(perceived.linear)).all()
     assert np.unravel_index(perceived.image[0, ..., 1].argmax(), (60, 64)) == (30, 20)
 
@@ -194,6 +194,6 @@ def test_the_same_pixels_in_another_view_are_another_frame() -> None:
     images = []
     for fov_deg in (60.0, 100.0):
         perceived = perceive(Frame(pixels, View(64, 60, fov_deg)), EYE, observer=SMALL, state=state)
-        state = RenderState((1.0,), perceived.state.living, perceived.state.glared)
+        state = RenderState((1.0,), perceived.state.ocular, perceived.state.glared)
         images.append(perceived.image)
     assert not np.array_equal(*images)

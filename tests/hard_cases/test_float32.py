@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from hard_frames import SMALL, VIEW, every_adapted, every_frame, of_name, see
 
-from entoptic.pipeline import Display, Frame, Glare, GlareLevel, GlareModel, Looking
+from entoptic.pipeline import Display, EyePose, Frame, Glare, GlareLevel, GlareModel
 from entoptic.pipeline.cost.plain import acuity as plain_acuity
 from entoptic.pipeline.cost.plain import adaptation as plain_adaptation
 from entoptic.pipeline.cost.plain import night_colour as plain_night
@@ -140,5 +140,5 @@ def test_a_whole_frame_is_within_one_code_value(name: str) -> None:
     kernel = mixture(GlareModel.CIE, SMALL, Pose(4.0), 1.0, VIEW.ppd_centre)
     codes, _ = plain_whole.perceived(exact, VIEW, lambda light: reference_glare(light, VIEW, *of_mixture(kernel)))
     glare = Glare(GlareModel.CIE, GlareLevel.FRAME)
-    image = see(rgb.transpose(1, 2, 0), Looking(pupil_mm=4.0), glare=glare).image[0]
+    image = see(rgb.transpose(1, 2, 0), EyePose(pupil_mm=4.0), glare=glare).image[0]
     assert np.abs(image.astype(int) - codes.astype(int)).max() <= 1

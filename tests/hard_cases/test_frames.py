@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from hard_frames import FOV_DEG, SMALL, grey, see
 
-from entoptic.pipeline import Frame, FrameError, Looking, RenderState, perceive
+from entoptic.pipeline import EyePose, Frame, FrameError, RenderState, perceive
 from entoptic.pipeline.effects import adaptation
 from entoptic.pipeline.frame import clean
 
@@ -49,7 +49,7 @@ def test_a_frame_without_a_finite_pixel_is_refused_by_name() -> None:
 def test_starlight_and_the_sun_together() -> None:
     frame = grey(1e-6)
     frame[3, 3] = 1.6e9
-    perceived = see(frame, Looking(azimuth_deg=20, elevation_deg=-20, pupil_mm=7.0))
+    perceived = see(frame, EyePose(azimuth_deg=20, elevation_deg=-20, pupil_mm=7.0))
     # Not quite white: an eye adapted to starlight sees with rods, whose grey is tinted.
     assert perceived.image[0, 3, 3].min() >= 250
     assert np.isfinite(np.asarray(perceived.linear)).all()
@@ -100,25 +100,25 @@ def test_two_half_steps_of_time_are_one_step() -> None:
 @pytest.mark.parametrize("pupil_mm", [0.0, -1.0, math.nan, math.inf, 13.0])
 def test_an_impossible_pupil_is_refused_by_name(pupil_mm: float) -> None:
     with pytest.raises(FrameError, match="pupil"):
-        Looking(pupil_mm=pupil_mm)
+        EyePose(pupil_mm=pupil_mm)
 
 
 @pytest.mark.parametrize("azimuth_deg", [math.nan, math.inf])
 def test_a_gaze_that_is_no_number_is_refused_by_name(azimuth_deg: float) -> None:
     with pytest.raises(FrameError, match="gaze"):
-        Looking(azimuth_deg=azimuth_deg)
+        EyePose(azimuth_deg=azimuth_deg)
 
 
 @pytest.mark.parametrize("azimuth_deg", [-179.0, -95.0, 60.0, 90.0, 180.0])
 def test_a_gaze_outside_the_frame_is_legal(azimuth_deg: float) -> None:
     frame = grey(1.0)
     frame[20, 20] = 1e5
-    assert see(frame, Looking(azimuth_deg, 80.0, 3.0)).image.shape == (1, 60, 64, 3)
+    assert see(frame, EyePose(azimuth_deg, 80.0, 3.0)).image.shape == (1, 60, 64, 3)
 
 
 def test_a_change_of_resolution_in_mid_session_keeps_the_state() -> None:
     state = see(grey(5.0)).state
-    again = perceive(Frame.from_rgb(grey(5.0, 33, 77), FOV_DEG), Looking(pupil_mm=5.0), observer=SMALL, state=state)
+    again = perceive(Frame.from_rgb(grey(5.0, 33, 77), FOV_DEG), EyePose(pupil_mm=5.0), observer=SMALL, state=state)
     assert again.state.adapted_cd_m2 == pytest.approx(state.adapted_cd_m2)
 
 

@@ -16,7 +16,7 @@ from entoptic.pipeline.measure import luminance, measure
 from entoptic.pipeline.observer import Observer
 from entoptic.pipeline.optics import analytic, whole
 from entoptic.pipeline.optics.aperture import Pose
-from entoptic.pipeline.render import Looking
+from entoptic.pipeline.render import EyePose
 
 LEVELS = [GlareLevel.VEIL, GlareLevel.SOURCES, GlareLevel.WINDOW, GlareLevel.FRAME]
 OBSERVER = Observer(particles=50, gratings=0)
@@ -157,7 +157,7 @@ def test_a_kernel_larger_than_the_frame(size: tuple[int, int], level: GlareLevel
 @pytest.mark.parametrize("pupil_mm", [0.0, -1.0, math.nan, math.inf])
 def test_an_impossible_pupil_is_refused_by_name(pupil_mm: float) -> None:
     with pytest.raises(FrameError, match="pupil"):
-        Looking(pupil_mm=pupil_mm)
+        EyePose(pupil_mm=pupil_mm)
 
 
 @pytest.mark.parametrize(("pupil_mm", "counts_as"), [(0.5, 2.0), (1.9999, 2.0), (12.0, 8.0)])

@@ -6,11 +6,11 @@ import pytest
 from entoptic.pipeline import (
     Display,
     Effects,
+    EyePose,
     Frame,
     Glare,
     GlareLevel,
     GlareModel,
-    Looking,
     Observer,
     Perceived,
     Planning,
@@ -95,14 +95,14 @@ def test_night_is_bluer_darker_and_softer_than_it_is_displayed() -> None:
 
 def test_the_same_frame_twice_is_the_same_to_the_bit() -> None:
     frame = room(1.0, lamp_cd_m2=1e5)
-    images = [perceive(frame, Looking(3.0, -2.0, 4.37), observer=OBSERVER).image for _ in range(2)]
+    images = [perceive(frame, EyePose(3.0, -2.0, 4.37), observer=OBSERVER).image for _ in range(2)]
     assert np.array_equal(*images)
 
 
 def test_both_eyes_in_one_frame_are_each_eye_alone() -> None:
     one, two = room(2.0, lamp_cd_m2=1e4), room(0.3, lamp_cd_m2=3e3)
     both = Frame.from_rgb(np.concatenate([one.rgb_cd_m2, two.rgb_cd_m2]), 50.0)
-    eyes = (Looking(1.0, 0.0, 3.1), Looking(-2.0, 4.0, 6.2))
+    eyes = (EyePose(1.0, 0.0, 3.1), EyePose(-2.0, 4.0, 6.2))
     together = perceive(both, eyes, observer=OBSERVER)
     alone = [perceive(frame, eye, observer=OBSERVER) for frame, eye in zip((one, two), eyes, strict=True)]
     assert together.state.adapted_cd_m2 == pytest.approx([a.state.adapted_cd_m2[0] for a in alone], rel=1e-6)
@@ -115,9 +115,9 @@ def test_adaptation_follows_the_gaze_and_time() -> None:
     rgb = np.full((200, 400, 3), 0.1, np.float32)
     rgb[:, 200:] = 1000.0
     frame = Frame.from_rgb(rgb, 100.0)
-    dark, bright = (perceive(frame, Looking(azimuth, 0, 4.0), observer=OBSERVER) for azimuth in (-35.0, 35.0))
+    dark, bright = (perceive(frame, EyePose(azimuth, 0, 4.0), observer=OBSERVER) for azimuth in (-35.0, 35.0))
     assert dark.state.adapted_cd_m2[0] < 50 < bright.state.adapted_cd_m2[0]
-    turned = perceive(frame, Looking(35.0, 0, 4.0), observer=OBSERVER, state=dark.state, dt_s=0.02)
+    turned = perceive(frame, EyePose(35.0, 0, 4.0), observer=OBSERVER, state=dark.state, dt_s=0.02)
     assert dark.state.adapted_cd_m2[0] < turned.state.adapted_cd_m2[0] < bright.state.adapted_cd_m2[0]
 
 
@@ -134,7 +134,7 @@ def test_a_wider_pupil_has_a_stronger_halo() -> None:
     away_deg = np.hypot(x - 91, y - 101) / frame.view.ppd_centre
     ring = (away_deg > 2.5) & (away_deg < 3.5)
     narrow, wide = (
-        np.asarray(perceive(frame, Looking(pupil_mm=mm), observer=OBSERVER, state=RenderState((1.0,))).linear)[0, 1]
+        np.asarray(perceive(frame, EyePose(pupil_mm=mm), observer=OBSERVER, state=RenderState((1.0,))).linear)[0, 1]
         for mm in (2.5, 7.5)
     )
     assert wide[ring].mean() > 1.5 * narrow[ring].mean()
@@ -151,7 +151,7 @@ def test_a_brighter_display_shows_middle_grey_at_the_same_luminance(peak_cd_m2: 
     frame = Frame.from_rgb(np.full((64, 60, 3), 0.18 / adaptation.exposure(adapted), np.float32), 20.0)
     state, display = RenderState((adapted,)), Display(peak_cd_m2=peak_cd_m2)
     bare = Planning(leave_out=frozenset({Effect.GLARE}))
-    seen = perceive(frame, Looking(pupil_mm=2.0), observer=OBSERVER, display=display, state=state, planning=bare)
+    seen = perceive(frame, EyePose(pupil_mm=2.0), observer=OBSERVER, display=display, state=state, planning=bare)
     assert np.asarray(seen.linear) * peak_cd_m2 == pytest.approx(expected, rel=1e-6)
 
 
@@ -167,6 +167,6 @@ def test_a_brighter_display_has_more_room_above_middle_grey_and_a_dimmer_one_sho
 def test_the_analytic_model_glares_wherever_the_eye_looks() -> None:
     frame = room(0.1, lamp_cd_m2=1e5)
     glare = Glare(GlareModel.SPE, GlareLevel.FRAME)
-    perceived = perceive(frame, Looking(20.0, 15.0, 4.0), observer=OBSERVER, effects=Effects(glare=glare))
+    perceived = perceive(frame, EyePose(20.0, 15.0, 4.0), observer=OBSERVER, effects=Effects(glare=glare))
     assert levels(perceived)[Effect.GLARE] == "frame"
     assert perceived.image[0, 100, 60].min() > 0

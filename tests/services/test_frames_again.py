@@ -16,7 +16,7 @@ import structlog
 
 from entoptic.pipeline import Display, Encoding, FrameError, RenderState, View
 from entoptic.pipeline.budget import SHIPPED
-from entoptic.pipeline.optics.living import Kick
+from entoptic.pipeline.optics.ocular_dynamics import SaccadeImpulse
 from entoptic.pipeline.scenes import Head, open_scene
 from entoptic.pipeline.sinks.video_parts import Part
 from entoptic.services.live.messages import LatencyMs
@@ -63,12 +63,12 @@ class Session:
     def frames(self, results: Results, numbers: list[int]) -> None:
         for frame in numbers:
             t_s, head = frame / FPS, Head(frame / 3, 1.0, 0.0)
-            kicks = (Kick(3.0, 1.0, 0.01),) if frame % 4 == 0 else ()
+            saccade_impulses = (SaccadeImpulse(3.0, 1.0, 0.01),) if frame % 4 == 0 else ()
             seen = None if frame % 9 == 8 else state(frame)
-            rendered = self.rendering.render(frame, t_s, t_s - self.t_s, head, seen, kicks)
+            rendered = self.rendering.render(frame, t_s, t_s - self.t_s, head, seen, saccade_impulses)
             timings = tuple(rendered.perceived.timings)
             self.rendering.correct(timings)
-            moment = Moment(frame, t_s, t_s - self.t_s, head, seen, kicks, 0, timings)
+            moment = Moment(frame, t_s, t_s - self.t_s, head, seen, saccade_impulses, 0, timings)
             self.t_s = t_s
             results.add(rendered, moment)
             results.note(rendered, LatencyMs(1.0, 2.0, 3.0) if frame % 2 else None)
@@ -228,10 +228,10 @@ def leaves(value: Any) -> list[Any]:
 
 def test_what_eyes_remember_comes_back_to_the_bit(take: Path) -> None:
     living = {"lens": True, "microfluctuations": True, "vitreous": True}
-    few = {"living": living, "gratings": 0, "particles": 20, "cornea_cells": 0}
+    few = {"ocular_dynamics": living, "gratings": 0, "particles": 20, "cornea_cells": 0}
     perception = msgspec.convert({"observer": few, "afterimage": {"on": True}}, Settings)
     session = Session(perception)
-    rendered = session.rendering.render(0, 0.0, 0.0, Head(), state(1), (Kick(5.0, 2.0, 0.0),))
+    rendered = session.rendering.render(0, 0.0, 0.0, Head(), state(1), (SaccadeImpulse(5.0, 2.0, 0.0),))
     rendered = session.rendering.render(1, 0.05, 0.05, Head(), state(2), ())
     before = dataclasses.replace(rendered.perceived.state, glared=None)
     after: RenderState = kept.decoder(RenderState).decode(kept.encode(before))

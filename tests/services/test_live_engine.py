@@ -11,7 +11,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from entoptic.pipeline import Frame, Glare, GlareLevel, GlareModel, Looking, Perceived, Planning, RenderState, perceive
+from entoptic.pipeline import EyePose, Frame, Glare, GlareLevel, GlareModel, Perceived, Planning, RenderState, perceive
 from entoptic.pipeline.effects.glare.kernel import Mixture, component
 from entoptic.pipeline.sinks.images import write_exr
 from entoptic.services.live import messages
@@ -33,7 +33,7 @@ from entoptic.tracker_bridge.wire import Eye
 
 EXAMPLE = Path(__file__).parents[2] / "examples" / "engine_consumer.py"
 KINDS = (Picture, Shown, EngineFrame, EngineKernel)
-LOOKING = Looking(6.0, -3.0, 4.0)
+LOOKING = EyePose(6.0, -3.0, 4.0)
 
 
 def asked(model: GlareModel, level: GlareLevel) -> Settings:

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 import zmq
 
-from entoptic.pipeline import Frame, Glare, GlareLevel, GlareModel, Looking, Planning, as_displayed, perceive
+from entoptic.pipeline import EyePose, Frame, Glare, GlareLevel, GlareModel, Planning, as_displayed, perceive
 from entoptic.services import keys
 from entoptic.services.live import messages
 from entoptic.services.live.messages import EngineFrame, EngineKernel, LatencyMs, MessageError, Picture, Shown, decode
@@ -36,7 +36,7 @@ def rendered_of(width: int = 96, height: int = 80) -> Rendered:
     light = np.full((2, 3, height, width), 2.0, np.float32)
     light[:, :, height // 2, width // 2] = 20_000
     frame = Frame.from_rgb(light, 40.0)
-    looking = (Looking(3.0, -2.0, 4.1, 0.7), Looking(2.0, -2.0, 4.3, 0.7))
+    looking = (EyePose(3.0, -2.0, 4.1, 0.7), EyePose(2.0, -2.0, 4.3, 0.7))
     perceived = perceive(frame, looking, display=SETTINGS.display, effects=SETTINGS, planning=SETTINGS.plan)
     return Rendered(7, 0.5, STATE, looking, frame, perceived, 5.0)
 

@@ -221,10 +221,10 @@ def test_a_saved_observer_is_read_as_it_was(
     tmp_path_factory: pytest.TempPathFactory, observer: Observer, lashes: bool, model: GlareModel
 ) -> None:
     path = tmp_path_factory.mktemp("observer") / "my_eye.toml"
-    changes = {name: value for name, value in msgspec.to_builtins(observer).items() if name != "living"}
+    changes = {name: value for name, value in msgspec.to_builtins(observer).items() if name != "ocular_dynamics"}
     tuned = observer_file.tuned(Settings(), changes, lashes=lashes, model=model.value)
-    assert msgspec.structs.replace(tuned.observer, living=observer.living) == observer
-    assert (tuned.observer.living.lashes, tuned.glare.model) == (lashes, model)
+    assert msgspec.structs.replace(tuned.observer, ocular_dynamics=observer.ocular_dynamics) == observer
+    assert (tuned.observer.ocular_dynamics.lashes, tuned.glare.model) == (lashes, model)
     observer_file.write(path, tuned)
     assert load(path) == tuned
 

@@ -112,7 +112,7 @@ def test_an_answer_from_before_is_not_taken_for_one_from_now(late: LateEvents, l
 def test_a_bridge_that_answers_nobody_is_named(late: LateEvents, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(event_feed, "ANSWER_WITHIN_S", 0.05)
     late.states(range(100))
-    with pytest.raises(BridgeSilentError, match=r"replay port.*living\.vitreous"):
+    with pytest.raises(BridgeSilentError, match=r"replay port.*ocular_dynamics\.vitreous"):
         late.reader.saccades_until(0, never)
 
 
@@ -189,16 +189,16 @@ def test_kicks_are_as_old_as_their_saccades() -> None:
     ],
 )
 def test_old_and_impossible_saccades_kick_nothing(offset_ms: int, azimuth_deg: float, counts: bool) -> None:
-    kicks = kicks_of([saccade(3000, azimuth_deg, offset_ms=offset_ms)], 3000 * MS)
-    assert len(kicks) == counts
-    assert all(0.0 <= kick.ago_s <= 2.0 and math.isfinite(kick.right_deg) for kick in kicks)
+    saccade_impulses = kicks_of([saccade(3000, azimuth_deg, offset_ms=offset_ms)], 3000 * MS)
+    assert len(saccade_impulses) == counts
+    assert all(0.0 <= kick.ago_s <= 2.0 and math.isfinite(kick.right_deg) for kick in saccade_impulses)
 
 
 def test_looking_has_each_eyes_openness_and_both_eyes_kicks() -> None:
     right = OneEyeState(Phase.BLINK, 4.0, None, 0.0, 0.2, None)
     left = OneEyeState(Phase.DROPOUT, 4.0, None, 0.0, None, None)
     both = EyeState(0, 0, right, left, None)
-    kicks = kicks_of([saccade(0)], 0)
-    assert [looking_of(both, eye, kicks).openness for eye in Eye] == [0.2, 1.0]
-    assert all(looking_of(both, eye, kicks).kicks == kicks for eye in Eye)
-    assert looking_of(None, Eye.LEFT, kicks).kicks == ()
+    saccade_impulses = kicks_of([saccade(0)], 0)
+    assert [looking_of(both, eye, saccade_impulses).openness for eye in Eye] == [0.2, 1.0]
+    assert all(looking_of(both, eye, saccade_impulses).saccade_impulses == saccade_impulses for eye in Eye)
+    assert looking_of(None, Eye.LEFT, saccade_impulses).saccade_impulses == ()

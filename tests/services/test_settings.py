@@ -27,7 +27,7 @@ def test_a_file_sets_what_it_names(tmp_path: Path) -> None:
         level = "frame"
         [observer]
         age_years = 61
-        [observer.living]
+        [observer.ocular_dynamics]
         vitreous = true
         [display]
         peak_cd_m2 = 400
@@ -35,8 +35,8 @@ def test_a_file_sets_what_it_names(tmp_path: Path) -> None:
         )
     )
     assert settings.glare == Glare(GlareModel.SPE, GlareLevel.FRAME)
-    assert settings.observer.living.vitreous
-    assert not settings.observer.living.lids
+    assert settings.observer.ocular_dynamics.vitreous
+    assert not settings.observer.ocular_dynamics.lids
     assert settings.observer.age_years == 61
     assert settings.observer.particles == Settings().observer.particles
     assert settings.display.peak_cd_m2 == 400
@@ -50,7 +50,11 @@ def test_a_file_sets_what_it_names(tmp_path: Path) -> None:
         ("[observer]\nparticles = 1.5\n", r"observer\.particles", r"\[observer\] may hold age_years"),
         ("[glare]\nmodel = 'bloom'\n", "bloom", "model may be wave, spe"),
         ("[plan]\nleave_out = ['sun']\n", "sun", r"\[plan\] may hold everything, leave_out"),
-        ("[observer.living]\nlegs = true\n", r"legs.*observer\.living", r"\[observer\.living\] may hold micro"),
+        (
+            "[observer.ocular_dynamics]\nlegs = true\n",
+            r"legs.*observer\.ocular_dynamics",
+            r"\[observer\.ocular_dynamics\] may hold micro",
+        ),
         ("[screen]\n", "screen", "Its tables may be adaptation, glare"),
         ("[observer\n", "observer.toml", "Its tables may be adaptation"),
         ("\x00", "observer.toml", "Its tables may be adaptation"),

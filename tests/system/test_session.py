@@ -39,7 +39,7 @@ gratings = 0
 particles = 300
 cornea_cells = 0
 
-[observer.living]
+[observer.ocular_dynamics]
 microfluctuations = true
 lens = true
 vitreous = true

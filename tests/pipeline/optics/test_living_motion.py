@@ -13,7 +13,7 @@ from entoptic.pipeline.optics import OpticsError, lens_springs, vitreous_motion
 from entoptic.pipeline.optics.damped import free_motion
 from entoptic.pipeline.optics.lens_springs import LensState, radial_m
 from entoptic.pipeline.optics.microfluctuations import Tones
-from entoptic.pipeline.optics.vitreous_motion import Kick, VitreousState
+from entoptic.pipeline.optics.vitreous_motion import SaccadeImpulse, VitreousState
 
 ratios = st.one_of(
     st.floats(0.0, 8.0), st.sampled_from([1.0, math.nextafter(1.0, 0.0), math.nextafter(1.0, 2.0), 1 + 1e-9, 1 - 1e-9])
@@ -131,12 +131,12 @@ def test_the_lens_is_the_same_in_one_step_as_in_many(parts_s: list[float], seed:
     np.testing.assert_allclose(state.velocity, whole.velocity, rtol=0, atol=1e-11)
 
 
-def swing(seconds: float, kicks: tuple[Kick, ...] = ()) -> tuple[float, float]:
-    return vitreous_motion.step(vitreous_motion.step(VitreousState(), 0.0, kicks), seconds, ()).deg
+def swing(seconds: float, impulses: tuple[SaccadeImpulse, ...] = ()) -> tuple[float, float]:
+    return vitreous_motion.step(vitreous_motion.step(VitreousState(), 0.0, impulses), seconds, ()).deg
 
 
 def test_the_vitreous_stays_behind_and_comes_back_without_swinging_past() -> None:
-    kick = Kick(10.0, -4.0)
+    kick = SaccadeImpulse(10.0, -4.0)
     assert swing(0.0, (kick,)) == (-5.0, 2.0)
     way = [swing(t_s, (kick,))[0] for t_s in np.linspace(0.0, 6.0, 601)]
     assert all(before < after < 0.0 for before, after in itertools.pairwise(way))
@@ -147,11 +147,13 @@ def test_the_vitreous_stays_behind_and_comes_back_without_swinging_past() -> Non
 
 
 @given(st.lists(st.tuples(st.floats(0.0, 2.0), st.floats(-40, 40), st.floats(-40, 40)), max_size=5))
-def test_kicks_add_up_and_know_when_they_were(kicks: list[tuple[float, float, float]]) -> None:
-    together = vitreous_motion.step(VitreousState(), 2.0, [Kick(right, up, ago) for ago, right, up in kicks])
+def test_kicks_add_up_and_know_when_they_were(impulses: list[tuple[float, float, float]]) -> None:
+    together = vitreous_motion.step(
+        VitreousState(), 2.0, [SaccadeImpulse(right, up, ago) for ago, right, up in impulses]
+    )
     state, t_s = VitreousState(), 0.0
-    for ago, right, up in sorted(kicks, reverse=True):
-        state = vitreous_motion.step(state, 2.0 - ago - t_s, [Kick(right, up)])
+    for ago, right, up in sorted(impulses, reverse=True):
+        state = vitreous_motion.step(state, 2.0 - ago - t_s, [SaccadeImpulse(right, up)])
         t_s = 2.0 - ago
     state = vitreous_motion.step(state, 2.0 - t_s, ())
     assert together.deg == pytest.approx(state.deg, abs=1e-9)
@@ -163,4 +165,4 @@ def test_kicks_add_up_and_know_when_they_were(kicks: list[tuple[float, float, fl
 )
 def test_a_kick_of_no_eye_is_named(right: float, up: float, ago: float) -> None:
     with pytest.raises(OpticsError, match="give"):
-        Kick(right, up, ago)
+        SaccadeImpulse(right, up, ago)

@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from entoptic.pipeline.optics.living import hippus_mm
 from entoptic.pipeline.optics.microfluctuations import fluctuation_d, tones_d
+from entoptic.pipeline.optics.ocular_dynamics import hippus_mm
 from entoptic.pipeline.optics.value_noise import value_noise
 
 T_S = np.arange(0.0, 800.0, 0.05)

@@ -14,12 +14,12 @@ from entoptic.pipeline import (
     Display,
     Effects,
     Encoding,
+    EyePose,
     Frame,
     Glare,
     GlareLevel,
     GlareModel,
     Light,
-    Looking,
     Observer,
     Perceived,
     Planning,
@@ -59,14 +59,14 @@ def differs(planned: Perceived, full: Perceived, display: Display = SHOWN) -> fl
     return float(np.abs(code_values(planned, display) - code_values(full, display)).max())
 
 
-def planned_and_full(frame: Frame, eye: Looking, **more: object) -> tuple[Perceived, Perceived]:
+def planned_and_full(frame: Frame, eye: EyePose, **more: object) -> tuple[Perceived, Perceived]:
     return tuple(  # type: ignore[return-value]
         perceive(frame, eye, **{"observer": EYE, **more, "planning": planning})
         for planning in (Planning(), Planning(everything=True))
     )
 
 
-def holds(frame: Frame, eye: Looking, **more: object) -> Perceived:
+def holds(frame: Frame, eye: EyePose, **more: object) -> Perceived:
     planned, full = planned_and_full(frame, eye, **more)
     assert all(step.level not in (SKIPPED,) for step in full.plan)
     assert full.plan.bound_code_values == 0
@@ -83,7 +83,7 @@ def holds(frame: Frame, eye: Looking, **more: object) -> Perceived:
 @pytest.mark.parametrize("pupil_mm", [2.0, 6.5])
 def test_on_the_scenes_that_costs_are_measured_on(name: str, pupil_mm: float) -> None:
     made = scene(name, 180, 200)
-    holds(made.frame, Looking(3.0, -2.0, pupil_mm))
+    holds(made.frame, EyePose(3.0, -2.0, pupil_mm))
 
 
 @pytest.mark.shared_data
@@ -92,7 +92,7 @@ def test_on_real_frames_from_starlight_to_daylight(path: Path) -> None:
     for mean_cd_m2 in 10.0 ** np.arange(-3, 5):
         opened = open_scene(str(path), mean_luminance_cd_m2=float(mean_cd_m2))
         frame = opened.frame(0.0, opened.view_for(180, None, 104.0), Head(), (Eye.LEFT,))
-        holds(frame, Looking(pupil_mm=4.0), effects=Effects(glare=Glare(GlareModel.CIE)))
+        holds(frame, EyePose(pupil_mm=4.0), effects=Effects(glare=Glare(GlareModel.CIE)))
 
 
 @settings(max_examples=30, deadline=None)
@@ -149,27 +149,27 @@ def test_on_random_frames(
     )
     frame = Frame.from_rgb(coarse.repeat(grain, 0).repeat(grain, 1)[:64, :60], 60.0)
     state = RenderState((10**log_adapted,))
-    holds(frame, Looking(2.0, 1.0, 4.0), state=state, dt_s=dt_s, effects=effects, display=display)
+    holds(frame, EyePose(2.0, 1.0, 4.0), state=state, dt_s=dt_s, effects=effects, display=display)
 
 
 def test_hidden_in_a_bright_room_it_differs_less_than_an_eye_sees_of_glare() -> None:
-    planned = holds(scene("bright room", 360, 400).frame, Looking(pupil_mm=3.0))
+    planned = holds(scene("bright room", 360, 400).frame, EyePose(pupil_mm=3.0))
     assert planned.plan[Effect.GLARE].level == planned.plan[Effect.ACUITY].level == SKIPPED
     assert planned.plan[Effect.NIGHT_COLOUR].level == SKIPPED
     assert planned.plan.bound_code_values < 5
 
 
 def test_what_is_switched_off_is_no_skip() -> None:
-    plan = perceive(scene("dusk", 90, 100).frame, Looking(pupil_mm=3.0), observer=EYE).plan
+    plan = perceive(scene("dusk", 90, 100).frame, EyePose(pupil_mm=3.0), observer=EYE).plan
     assert plan[Effect.ROD_NOISE].level == plan[Effect.AFTERIMAGE].level == OFF
 
 
 @pytest.mark.parametrize("effect", [Effect.GLARE, Effect.ACUITY, Effect.NIGHT_COLOUR])
 def test_what_is_left_out_as_asked_says_what_that_hides(effect: Effect) -> None:
     frame = scene("night street", 180, 200).frame
-    full = perceive(frame, Looking(pupil_mm=5.0), observer=EYE, planning=Planning(everything=True))
+    full = perceive(frame, EyePose(pupil_mm=5.0), observer=EYE, planning=Planning(everything=True))
     bare = perceive(
-        frame, Looking(pupil_mm=5.0), observer=EYE, planning=Planning(everything=True, leave_out=frozenset({effect}))
+        frame, EyePose(pupil_mm=5.0), observer=EYE, planning=Planning(everything=True, leave_out=frozenset({effect}))
     )
     assert bare.plan[effect].level == SKIPPED
     assert 0 < differs(bare, full) <= bare.plan.bound_code_values + ROUNDING
@@ -179,7 +179,7 @@ def test_what_is_left_out_as_asked_says_what_that_hides(effect: Effect) -> None:
 def test_a_display_in_hdr_plans_in_its_own_codes() -> None:
     frame = scene("bright room", 180, 200).frame
     hdr = Display(peak_cd_m2=1000.0, encoding=Encoding.HDR10)
-    planned, full = planned_and_full(frame, Looking(pupil_mm=3.0), display=hdr)
+    planned, full = planned_and_full(frame, EyePose(pupil_mm=3.0), display=hdr)
     assert planned.image.dtype == np.uint16
     off = np.abs(planned.image.astype(int) - full.image.astype(int)).max()
     assert off <= planned.plan.bound_code_values + 1
@@ -189,7 +189,7 @@ def test_beside_lights_of_their_own_nothing_is_left_out() -> None:
     """They are in no pixel, so no range knows of them."""
     frame = Frame.from_rgb(np.full((64, 64, 3), 0.3), 60.0)
     lit = dataclasses.replace(frame, lights=(Light(3.0, 2.0, 5.0, 0.3, "LED-B3"),))
-    planned, full = planned_and_full(lit, Looking(pupil_mm=4.0), state=RenderState((3.0,)))
+    planned, full = planned_and_full(lit, EyePose(pupil_mm=4.0), state=RenderState((3.0,)))
     assert differs(planned, full) == planned.plan.bound_code_values == 0
     bare = perceive(lit, observer=EYE, planning=Planning(leave_out=frozenset({Effect.GLARE})))
     assert bare.plan[Effect.GLARE].reason == "left out as asked"
@@ -199,9 +199,9 @@ def test_beside_lights_of_their_own_nothing_is_left_out() -> None:
 def test_of_two_eyes_the_bounds_are_those_of_the_worse() -> None:
     one = scene("bright room", 180, 200).frame
     both = dataclasses.replace(one, rgb_cd_m2=jnp.concatenate([one.rgb_cd_m2, 0.05 * one.rgb_cd_m2]))
-    plan = holds(both, Looking(pupil_mm=3.0)).plan
+    plan = holds(both, EyePose(pupil_mm=3.0)).plan
     alone = [
-        perceive(dataclasses.replace(one, rgb_cd_m2=k * one.rgb_cd_m2), Looking(pupil_mm=3.0), observer=EYE).plan
+        perceive(dataclasses.replace(one, rgb_cd_m2=k * one.rgb_cd_m2), EyePose(pupil_mm=3.0), observer=EYE).plan
         for k in (1.0, 0.05)
     ]
     if plan[Effect.GLARE].level == SKIPPED:
@@ -217,17 +217,17 @@ def test_between_two_levels_the_bound_holds_too(name: str, fade: float) -> None:
         "acuity": Choice("fit", SKIPPED, fade),
         "night_colour": Choice("lui", SKIPPED, fade),
     }
-    full = perceive(frame, Looking(pupil_mm=4.0), observer=EYE, planning=Planning(everything=True))
+    full = perceive(frame, EyePose(pupil_mm=4.0), observer=EYE, planning=Planning(everything=True))
     before = dataclasses.replace(full.state, choices=choices, glared=None)
-    passing = perceive(frame, Looking(pupil_mm=4.0), observer=EYE, state=before)
+    passing = perceive(frame, EyePose(pupil_mm=4.0), observer=EYE, state=before)
     assert any(step.fading_from for step in passing.plan)
-    again = perceive(frame, Looking(pupil_mm=4.0), observer=EYE, state=before, planning=Planning(everything=True))
+    again = perceive(frame, EyePose(pupil_mm=4.0), observer=EYE, state=before, planning=Planning(everything=True))
     assert differs(passing, again) <= passing.plan.bound_code_values + ROUNDING
 
 
 @pytest.mark.parametrize("budget_ms", [0.5, 3.0, 20.0])
 def test_within_a_budget_what_is_paid_is_said(budget_ms: float) -> None:
     frame = scene("night street", 180, 200).frame
-    full = perceive(frame, Looking(pupil_mm=5.0), observer=EYE, planning=Planning(everything=True))
-    planned = perceive(frame, Looking(pupil_mm=5.0), observer=EYE, planning=Planning(budget_ms=budget_ms))
+    full = perceive(frame, EyePose(pupil_mm=5.0), observer=EYE, planning=Planning(everything=True))
+    planned = perceive(frame, EyePose(pupil_mm=5.0), observer=EYE, planning=Planning(budget_ms=budget_ms))
     assert differs(planned, full) <= planned.plan.bound_code_values + ROUNDING

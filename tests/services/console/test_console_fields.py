@@ -81,9 +81,9 @@ def test_every_choice_can_be_made() -> None:
 
 
 def test_changes_leave_the_rest_and_wrong_ones_say_why() -> None:
-    old = changed(Settings(), {"observer.living.lids": True, "glare.level": "veil"})
+    old = changed(Settings(), {"observer.ocular_dynamics.lids": True, "glare.level": "veil"})
     new = changed(old, {"observer.age_years": 60})
-    assert new.observer.living.lids
+    assert new.observer.ocular_dynamics.lids
     assert new.glare.level == "veil"
     assert changed(new, {"observer.seed": 3}, from_defaults=True).observer.age_years == 30
     for changes, said in (

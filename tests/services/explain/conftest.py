@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from entoptic.pipeline import Frame, Looking
+from entoptic.pipeline import EyePose, Frame
 from entoptic.pipeline.plan import Effect
 from entoptic.pipeline.sinks.images import write_exr
 from entoptic.services.explain.subject import Subject
@@ -31,7 +31,7 @@ def lamp() -> np.ndarray:
 @pytest.fixture(scope="session")
 def subject(lamp: np.ndarray) -> Subject:
     frame = Frame.from_rgb(lamp, FOV_DEG)
-    return Subject("a lamp", frame, (Looking(5.0, -3.0, 5.0),), Settings(), (0.3,))
+    return Subject("a lamp", frame, (EyePose(5.0, -3.0, 5.0),), Settings(), (0.3,))
 
 
 @pytest.fixture(scope="session")

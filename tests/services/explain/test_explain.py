@@ -18,7 +18,7 @@ from matplotlib.text import Text
 from msgspec.structs import replace
 from typer.testing import CliRunner
 
-from entoptic.pipeline import Effect, Frame, FrameError, Looking, Planning, RenderState, perceive
+from entoptic.pipeline import Effect, EyePose, Frame, FrameError, Planning, RenderState, perceive
 from entoptic.pipeline.sinks.images import write_exr
 from entoptic.services.commands.explain import explain as command
 from entoptic.services.explain import page, panels, plan_panels, timeline
@@ -64,7 +64,7 @@ class TestVariants:
     def test_where_everything_is_on_nothing_differs(self) -> None:
         frame = Frame.from_rgb(np.full((48, 40, 3), 0.01, np.float32), 60.0)
         told: list[int] = []
-        found = explain(Subject("dark", frame, (Looking(),), Settings(), (0.01,)), lambda: told.append(1))
+        found = explain(Subject("dark", frame, (EyePose(),), Settings(), (0.01,)), lambda: told.append(1))
         assert len(told) == variants()
         assert {Effect.ACUITY, Effect.NIGHT_COLOUR} <= set(found.touched)
         assert found.touched[Effect.NIGHT_COLOUR].share > 0.9
@@ -130,7 +130,7 @@ class TestPage:
 
     def test_a_frame_without_any_light_can_be_drawn(self, tmp_path: Path) -> None:
         frame = Frame.from_rgb(np.zeros((48, 40, 3), np.float32), 60.0)
-        subject = Subject("black", frame, (Looking(),), Settings())
+        subject = Subject("black", frame, (EyePose(),), Settings())
         page.write(tmp_path / "page.png", subject, explain(subject))
         assert (tmp_path / "page.png").stat().st_size > 5000
 

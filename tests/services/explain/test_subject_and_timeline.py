@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from entoptic.pipeline import FrameError, Looking, Observer, View
+from entoptic.pipeline import EyePose, FrameError, Observer, View
 from entoptic.pipeline.sinks.images import write_exr
 from entoptic.services.explain import subject, timeline
 from entoptic.services.settings import Settings
@@ -73,10 +73,10 @@ class TestSession:
 
 def test_an_image_is_seen_by_one_eye(tmp_path: Path, lamp: np.ndarray) -> None:
     write_exr(tmp_path / "lamp.exr", lamp)
-    seen = (str(tmp_path / "lamp.exr"), Settings(), Looking(1.0, 2.0))
+    seen = (str(tmp_path / "lamp.exr"), Settings(), EyePose(1.0, 2.0))
     found = subject.from_image(*seen, 0.2, 60.0, None, (None, None), ())
     np.testing.assert_allclose(np.asarray(found.frame.rgb_cd_m2)[0], lamp.transpose(2, 0, 1), rtol=1e-6)
-    assert (found.adapted_cd_m2, found.looking, found.t_s) == ((0.2,), (Looking(1.0, 2.0),), None)
+    assert (found.adapted_cd_m2, found.looking, found.t_s) == ((0.2,), (EyePose(1.0, 2.0),), None)
     assert any("whiteLuminance" in note for note in found.notes)
     assert subject.from_image(*seen, None, 60.0, None, (None, None), ()).adapted_cd_m2 is None
 

@@ -7,12 +7,12 @@ import pytest
 
 from entoptic.pipeline import (
     Effects,
+    EyePose,
     Frame,
     Glare,
     GlareLevel,
     GlareModel,
     Light,
-    Looking,
     Observer,
     RenderState,
     View,
@@ -91,7 +91,7 @@ def test_a_light_follows_the_pupil_whatever_the_frames_own_function(model: Glare
     state, images = RenderState((0.05,)), []
     for pupil_mm in (3.0, 7.0):
         seen = perceive(
-            frame, Looking(pupil_mm=pupil_mm), observer=EYE, state=state, effects=Effects(glare=Glare(model))
+            frame, EyePose(pupil_mm=pupil_mm), observer=EYE, state=state, effects=Effects(glare=Glare(model))
         )
         assert seen.state.glared is not None
         images.append(np.asarray(seen.state.glared.result))

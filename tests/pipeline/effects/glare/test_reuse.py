@@ -8,13 +8,13 @@ import pytest
 
 from entoptic.pipeline import (
     Effects,
+    EyePose,
     Frame,
     Glare,
     GlareLevel,
     Light,
-    Living,
-    Looking,
     Observer,
+    OcularDynamics,
     Perceived,
     Planning,
     RenderState,
@@ -33,11 +33,11 @@ def lamp() -> Frame:
 FRAME = lamp()
 
 
-def seen(frame: Frame = FRAME, eye: Looking = Looking(pupil_mm=5.0), **more: object) -> Perceived:  # noqa: B008
+def seen(frame: Frame = FRAME, eye: EyePose = EyePose(pupil_mm=5.0), **more: object) -> Perceived:  # noqa: B008
     return perceive(frame, eye, **{"observer": EYE, "state": RenderState((1.0,)), **more})
 
 
-def again(before: Perceived, frame: Frame = FRAME, eye: Looking = Looking(pupil_mm=5.0), **more: object) -> bool:  # noqa: B008
+def again(before: Perceived, frame: Frame = FRAME, eye: EyePose = EyePose(pupil_mm=5.0), **more: object) -> bool:  # noqa: B008
     """Whether the next frame has the same glare, not computed again."""
     after = perceive(frame, eye, **{"observer": EYE, "state": before.state, "dt_s": 1 / 60, **more})
     assert after.state.glared is not None
@@ -51,8 +51,8 @@ def test_nothing_changed_is_not_computed_again() -> None:
 @pytest.mark.parametrize(
     "change",
     [
-        {"eye": Looking(pupil_mm=5.1)},
-        {"eye": Looking(azimuth_deg=1.0, pupil_mm=5.0)},
+        {"eye": EyePose(pupil_mm=5.1)},
+        {"eye": EyePose(azimuth_deg=1.0, pupil_mm=5.0)},
         {"effects": Effects(glare=Glare(level=GlareLevel.FRAME))},
         {"observer": Observer(gratings=21)},
         {"frame": lamp()},
@@ -66,18 +66,18 @@ def test_what_changes_glare_is_computed(change: dict[str, object]) -> None:
 
 def test_a_gaze_changes_nothing_of_a_whole_frame() -> None:
     frame = Effects(glare=Glare(level=GlareLevel.FRAME))
-    assert again(seen(effects=frame), eye=Looking(azimuth_deg=3.0, pupil_mm=5.0), effects=frame)
+    assert again(seen(effects=frame), eye=EyePose(azimuth_deg=3.0, pupil_mm=5.0), effects=frame)
 
 
 def test_lids_that_touch_no_light_change_nothing_and_those_that_do_do() -> None:
-    blinking = Observer(gratings=20, living=Living(lids=True))
+    blinking = Observer(gratings=20, ocular_dynamics=OcularDynamics(lids=True))
     before = seen(observer=blinking)
-    assert again(before, eye=Looking(pupil_mm=5.0, openness=0.95), observer=blinking)
-    assert not again(before, eye=Looking(pupil_mm=5.0, openness=0.5), observer=blinking)
+    assert again(before, eye=EyePose(pupil_mm=5.0, openness=0.95), observer=blinking)
+    assert not again(before, eye=EyePose(pupil_mm=5.0, openness=0.5), observer=blinking)
 
 
 def test_a_lens_in_motion_is_computed_each_time() -> None:
-    moving = Observer(gratings=0, particles=50, living=Living(microfluctuations=True, lens=True))
+    moving = Observer(gratings=0, particles=50, ocular_dynamics=OcularDynamics(microfluctuations=True, lens=True))
     assert not again(seen(observer=moving, dt_s=0.1), observer=moving)
 
 

@@ -9,25 +9,25 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from entoptic.pipeline.observer import Living, Observer
-from entoptic.pipeline.optics import living
+from entoptic.pipeline.observer import Observer, OcularDynamics
+from entoptic.pipeline.optics import ocular_dynamics
 from entoptic.pipeline.optics.aperture import Pose
-from entoptic.pipeline.optics.living import Kick, LivingState, at_rest, pose_of, step
+from entoptic.pipeline.optics.ocular_dynamics import OcularState, SaccadeImpulse, at_rest, pose_of, step
 
 SQUINT = Observer().squint_openness
-SWITCHES = Living.__struct_fields__
-ALL = Living(**dict.fromkeys(SWITCHES, True))
-KICKS = (Kick(8.0, -3.0), Kick(-0.4, 0.2, ago_s=0.03))
+SWITCHES = OcularDynamics.__struct_fields__
+ALL = OcularDynamics(**dict.fromkeys(SWITCHES, True))
+KICKS = (SaccadeImpulse(8.0, -3.0), SaccadeImpulse(-0.4, 0.2, ago_s=0.03))
 
 
 def observer_with(*switches: str, seed: int = 3) -> Observer:
-    return Observer(seed=seed, defocus_d=0.5, living=Living(**dict.fromkeys(switches, True)))
+    return Observer(seed=seed, defocus_d=0.5, ocular_dynamics=OcularDynamics(**dict.fromkeys(switches, True)))
 
 
 ALIVE = observer_with(*SWITCHES)
 
 
-def numbers(state: LivingState) -> np.ndarray:
+def numbers(state: OcularState) -> np.ndarray:
     """A whole state, the lens in millimetres."""
     parts = [np.array([state.t_s, state.hippus_beats, *state.vitreous.deg, *state.vitreous.deg_s])]
     if state.lens is not None:
@@ -35,15 +35,17 @@ def numbers(state: LivingState) -> np.ndarray:
     return np.concatenate(parts)
 
 
-def after(observer: Observer, seconds: float, fps: float = 25.0, kicks: tuple[Kick, ...] = ()) -> LivingState:
-    state = step(at_rest(observer), observer, 0.0, 4.0, kicks)
+def after(
+    observer: Observer, seconds: float, fps: float = 25.0, impulses: tuple[SaccadeImpulse, ...] = ()
+) -> OcularState:
+    state = step(at_rest(observer), observer, 0.0, 4.0, impulses)
     for _ in range(round(seconds * fps)):
         state = step(state, observer, 1 / fps, 4.0)
     return state
 
 
 def pose_after(observer: Observer, seconds: float = 0.4, *, openness: float = 0.6, measured: bool = False) -> Pose:
-    return pose_of(after(observer, seconds, kicks=KICKS), observer, 4.0, openness, measured)
+    return pose_of(after(observer, seconds, impulses=KICKS), observer, 4.0, openness, measured)
 
 
 def deviations(pose: Pose) -> set[str]:
@@ -85,7 +87,7 @@ def test_each_switch_off_leaves_its_part_at_rest_and_the_others_as_they_are(swit
     everything = pose_after(ALIVE)
     assert deviations(everything) == {field.name for field in dataclasses.fields(Pose)}
     living_without = msgspec.structs.replace(ALL, **{switch: False})
-    pose = pose_after(msgspec.structs.replace(ALIVE, living=living_without))
+    pose = pose_after(msgspec.structs.replace(ALIVE, ocular_dynamics=living_without))
     rests = {
         "microfluctuations": {"defocus_d", "lens_m"},
         "lens": {"lens_m"},
@@ -148,9 +150,9 @@ def test_the_frame_rate_changes_nothing(fps: float) -> None:
 
 @pytest.mark.parametrize("dt_s", [0.0, -0.0, -1e-9, -5.0, -math.inf, math.inf, math.nan])
 def test_no_time_passes_where_it_does_not_go_forwards(dt_s: float) -> None:
-    before = after(ALIVE, 1.0, kicks=KICKS)
+    before = after(ALIVE, 1.0, impulses=KICKS)
     np.testing.assert_array_equal(numbers(step(before, ALIVE, dt_s, 6.0)), numbers(before))
-    kicked = step(before, ALIVE, dt_s, 6.0, (Kick(4.0, 2.0),))
+    kicked = step(before, ALIVE, dt_s, 6.0, (SaccadeImpulse(4.0, 2.0),))
     turned = np.array(kicked.vitreous.deg) - np.array(before.vitreous.deg)
     np.testing.assert_allclose(turned, (-2.0, -1.0), rtol=0, atol=1e-12)
     assert (kicked.t_s, kicked.hippus_beats) == (before.t_s, before.hippus_beats)
@@ -199,6 +201,6 @@ def test_a_pupil_that_changes_does_not_make_hippus_jump() -> None:
 
 
 def test_living_says_which_files_it_is_made_of() -> None:
-    assert living.__doc__ is not None
+    assert ocular_dynamics.__doc__ is not None
     for name in ("microfluctuations", "lens_springs", "vitreous_motion", "value_noise", "damped"):
-        assert f"{name}.py" in living.__doc__
+        assert f"{name}.py" in ocular_dynamics.__doc__

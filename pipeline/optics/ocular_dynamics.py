@@ -25,9 +25,9 @@ from entoptic.pipeline.optics.aperture import Pose, legal_pupil_mm
 from entoptic.pipeline.optics.lens_springs import LensState
 from entoptic.pipeline.optics.lids import clear_of
 from entoptic.pipeline.optics.value_noise import value_noise
-from entoptic.pipeline.optics.vitreous_motion import Kick, VitreousState
+from entoptic.pipeline.optics.vitreous_motion import SaccadeImpulse, VitreousState
 
-__all__ = ["Kick", "LivingState", "at_rest", "hippus_mm", "pose_of", "step"]
+__all__ = ["OcularState", "SaccadeImpulse", "at_rest", "hippus_mm", "pose_of", "step"]
 
 HIPPUS_MAX_MM = 9.0
 """The pupil at which hippus ends (RIT 1: p_max)."""
@@ -41,7 +41,7 @@ are then 0.15 µm from their places, a thirtieth of a sample of the pupil plane.
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
-class LivingState:
+class OcularState:
     """What of one eye is in motion."""
 
     t_s: float = 0.0
@@ -53,41 +53,45 @@ class LivingState:
     vitreous: VitreousState = dataclasses.field(default_factory=VitreousState)
 
 
-def at_rest(observer: Observer) -> LivingState:
+def at_rest(observer: Observer) -> OcularState:
     """An eye in which nothing has moved yet. The same for every observer: what makes theirs theirs is in `step`."""
-    return LivingState()
+    return OcularState()
 
 
 def step(
-    state: LivingState, observer: Observer, dt_s: float, pupil_mm: float, kicks: Sequence[Kick] = ()
-) -> LivingState:
+    state: OcularState,
+    observer: Observer,
+    dt_s: float,
+    pupil_mm: float,
+    impulses: Sequence[SaccadeImpulse] = (),
+) -> OcularState:
     """The eye `dt_s` later, with these turns of the eye in between; the same to the bit for the same arguments.
 
     Exact for any `dt_s`. Where time stands still, goes backwards or is no finite number (`dt_s` ≤ 0, infinite or NaN)
-    no time passes: the state stays as it is, but for the kicks. `pupil_mm` is the pupil's mean diameter, clamped to
-    what a pupil can be; NaN counts as the narrowest. A part that `observer.living` leaves off stays as it is. The lens
-    is moved by microfluctuations alone: without them it rests even where `lens` is on.
+    no time passes: the state stays as it is, but for the impulses. `pupil_mm` is the pupil's mean diameter, clamped to
+    what a pupil can be; NaN counts as the narrowest. A part that `observer.ocular_dynamics` leaves off stays as it
+    is. The lens is moved by microfluctuations alone: without them it rests even where `lens` is on.
     """
-    living = observer.living
+    living = observer.ocular_dynamics
     passed_s = dt_s if 0.0 < dt_s < math.inf else 0.0
     pupil_mm = legal_pupil_mm(pupil_mm)
     lens, vitreous = state.lens, state.vitreous
     if passed_s and _lens_moves(observer):
         tones = microfluctuations.tones_d(observer.seed, pupil_mm)
         lens = lens_springs.step(lens or lens_springs.at_rest(), state.t_s, passed_s, tones)
-    if living.vitreous and (passed_s or kicks):
-        vitreous = vitreous_motion.step(vitreous, passed_s, kicks)
-    return LivingState(state.t_s + passed_s, state.hippus_beats + passed_s / pupil_mm, lens, vitreous)
+    if living.vitreous and (passed_s or impulses):
+        vitreous = vitreous_motion.step(vitreous, passed_s, impulses)
+    return OcularState(state.t_s + passed_s, state.hippus_beats + passed_s / pupil_mm, lens, vitreous)
 
 
-def pose_of(state: LivingState, observer: Observer, pupil_mm: float, openness: float, measured: bool) -> Pose:
-    """How the eye stands: with everything in `observer.living` off, at rest with this pupil.
+def pose_of(state: OcularState, observer: Observer, pupil_mm: float, openness: float, measured: bool) -> Pose:
+    """How the eye stands: with everything in `observer.ocular_dynamics` off, at rest with this pupil.
 
     `pupil_mm` is the same as for `step`. Where it is `measured` it contains its hippus already, and none is added.
     `openness`, 0…1, is what the tracker says, and matters where `lids` is on; `squint` holds the lids no more open than
     `observer.squint_openness`, with `lids` or without. What is out of range is clamped.
     """
-    living = observer.living
+    living = observer.ocular_dynamics
     mean_mm = legal_pupil_mm(pupil_mm)
     fluctuation_d = 0.0
     if living.microfluctuations:
@@ -122,4 +126,4 @@ def hippus_mm(mean_mm: float, beats: float, seed: int) -> float:
 
 
 def _lens_moves(observer: Observer) -> bool:
-    return observer.living.lens and observer.living.microfluctuations
+    return observer.ocular_dynamics.lens and observer.ocular_dynamics.microfluctuations

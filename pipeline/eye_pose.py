@@ -6,11 +6,11 @@ import dataclasses
 import math
 
 from entoptic.pipeline.frame import FrameError
-from entoptic.pipeline.optics.living import Kick
+from entoptic.pipeline.optics.ocular_dynamics import SaccadeImpulse
 
 
 @dataclasses.dataclass(frozen=True)
-class Looking:
+class EyePose:
     """How one eye looks at a frame."""
 
     azimuth_deg: float = 0.0
@@ -20,8 +20,8 @@ class Looking:
     pupil_mm: float | None = None
     """Measured diameter; None for what Watson & Yellott expect of this light and age."""
     openness: float = 1.0
-    """How far the lids are open, 0 to 1. It shapes glare where `living.lids` is on."""
-    kicks: tuple[Kick, ...] = ()
+    """How far the lids are open, 0 to 1. It shapes glare where `ocular_dynamics.lids` is on."""
+    saccade_impulses: tuple[SaccadeImpulse, ...] = ()
     """The turns of the eye since the frame before, saccades and microsaccades."""
 
     def __post_init__(self) -> None:

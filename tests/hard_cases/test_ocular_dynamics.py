@@ -1,4 +1,4 @@
-"""Steps, pupils and kicks that break other programs."""
+"""Steps, pupils and impulses that break other programs."""
 
 import itertools
 import math
@@ -8,16 +8,16 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from entoptic.pipeline.observer import Living, Observer
-from entoptic.pipeline.optics.living import Kick, LivingState, at_rest, pose_of, step
+from entoptic.pipeline.observer import Observer, OcularDynamics
+from entoptic.pipeline.optics.ocular_dynamics import OcularState, SaccadeImpulse, at_rest, pose_of, step
 
-ALIVE = Observer(living=Living(*(True,) * len(Living.__struct_fields__)))
+ALIVE = Observer(ocular_dynamics=OcularDynamics(*(True,) * len(OcularDynamics.__struct_fields__)))
 
 lengths = st.one_of(st.sampled_from([0.0, 1e-9, 1 / 60, 10.0, 1e9, -1.0, math.nan, math.inf, 5e-324, 1e300]))
 pupils = st.sampled_from([0.0, -3.0, 1.9, 2.0, 5.0, 8.0, 9.0, 1e30, math.nan, math.inf])
 
 
-def check(state: LivingState, observer: Observer, pupil_mm: float) -> None:
+def check(state: OcularState, observer: Observer, pupil_mm: float) -> None:
     for measured in (False, True):
         pose = pose_of(state, observer, pupil_mm, 0.5, measured)
         assert 2.0 <= pose.pupil_mm <= 8.0
@@ -31,15 +31,15 @@ def check(state: LivingState, observer: Observer, pupil_mm: float) -> None:
 @given(st.lists(st.tuples(lengths, pupils), max_size=8), st.integers(0, 2**64))
 @settings(max_examples=60, deadline=None)
 def test_no_step_and_no_pupil_makes_an_eye_leave_its_range(steps: list[tuple[float, float]], seed: int) -> None:
-    observer = Observer(seed=seed, living=ALIVE.living)
+    observer = Observer(seed=seed, ocular_dynamics=ALIVE.ocular_dynamics)
     state = at_rest(observer)
     for dt_s, pupil_mm in steps:
-        state = step(state, observer, dt_s, pupil_mm, (Kick(1.0, 1.0),))
+        state = step(state, observer, dt_s, pupil_mm, (SaccadeImpulse(1.0, 1.0),))
         check(state, observer, pupil_mm)
 
 
 def test_a_million_years_end_in_the_same_eye_as_a_second_step_of_none() -> None:
-    state = step(at_rest(ALIVE), ALIVE, 3e13, 4.0, (Kick(20.0, 0.0, ago_s=3e13),))
+    state = step(at_rest(ALIVE), ALIVE, 3e13, 4.0, (SaccadeImpulse(20.0, 0.0, ago_s=3e13),))
     assert state.vitreous.deg == (0.0, 0.0)
     check(step(state, ALIVE, 0.0, 4.0), ALIVE, 4.0)
 
@@ -56,7 +56,7 @@ def test_a_day_of_frames_neither_drifts_nor_grows() -> None:
 def test_a_storm_of_saccades_dies_away() -> None:
     state = at_rest(ALIVE)
     for number in range(300):
-        state = step(state, ALIVE, 1 / 60, 4.0, (Kick(90.0, (-1.0) ** number * 90.0),))
+        state = step(state, ALIVE, 1 / 60, 4.0, (SaccadeImpulse(90.0, (-1.0) ** number * 90.0),))
         check(state, ALIVE, 4.0)
     calm = step(state, ALIVE, 10.0, 4.0)
     assert np.abs(calm.vitreous.deg).max() < 1e-4
