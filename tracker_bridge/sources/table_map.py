@@ -193,7 +193,7 @@ def read_table_map(path: Path) -> TableMap:
 
 def shipped_maps() -> dict[str, TableMap]:
     """The maps that come with the program, by the name of their file without ending."""
-    files = importlib.resources.files("tracker_bridge.sources") / "maps"
+    files = importlib.resources.files(__package__) / "maps"
     found = sorted((file for file in files.iterdir() if file.name.endswith(".toml")), key=lambda file: file.name)
     return {file.name.removesuffix(".toml"): _parsed(file.read_text(encoding="utf-8"), file.name) for file in found}
 
