@@ -5,20 +5,19 @@ ARG PYTHON=3.12
 FROM python:${PYTHON}-slim AS build
 # cpu, or cuda12 for NVIDIA's cards: the wheels bring CUDA along, the host its driver.
 ARG JAX=cpu
-ENV PATH=/opt/entoptic/bin:$PATH PIP_CONSTRAINT=/build/requirements.lock \
+ENV PATH=/opt/entoptic/bin:$PATH \
     PIP_DISABLE_PIP_VERSION_CHECK=1 PIP_NO_CACHE_DIR=1 PIP_ROOT_USER_ACTION=ignore
 WORKDIR /build
 RUN python -m venv /opt/entoptic
-# What the program needs changes seldom: a layer of its own. The lock file holds its versions.
-COPY pyproject.toml requirements.lock ./
-RUN python -c "import tomllib; print(*tomllib.load(open('pyproject.toml', 'rb'))['project']['dependencies'], sep='\n')" > needed.txt \
-    && pip install --only-binary=:all: -r needed.txt "jax[${JAX}]"
-COPY README.md ./
+# What the program needs changes seldom: a layer of its own.
+COPY requirements.lock ./
+RUN pip install --only-binary=:all: -r requirements.lock "jax[${JAX}]"
+COPY pyproject.toml README.md LICENSE ./
 COPY src src
 COPY tracker_bridge tracker_bridge
 COPY pipeline pipeline
 COPY services services
-RUN pip install --no-deps .
+RUN pip install --no-deps --no-build-isolation .
 
 FROM python:${PYTHON}-slim
 LABEL org.opencontainers.image.title="entoptic" \
