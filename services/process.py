@@ -13,6 +13,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from types import FrameType
 
+import platformdirs
 import structlog
 
 INTERRUPTED = 130
@@ -95,23 +96,13 @@ def process(child: bool) -> Iterator[tuple[Stop, structlog.typing.FilteringBound
 
 
 def cache_folder() -> Path:
-    """Where compiled code is kept between runs: $XDG_CACHE_HOME/entoptic, or the platform's like."""
-    if sys.platform == "win32":
-        base = Path(os.environ.get("LOCALAPPDATA", Path.home() / "AppData" / "Local"))
-    elif sys.platform == "darwin":
-        base = Path.home() / "Library" / "Caches"
-    else:
-        base = Path(os.environ.get("XDG_CACHE_HOME", Path.home() / ".cache"))
-    return base / "entoptic"
+    """Where compiled code is kept between runs: ~/.cache/entoptic, or what the platform has for it."""
+    return platformdirs.user_cache_path("entoptic", appauthor=False)
 
 
 def state_folder() -> Path:
-    """Where running processes leave word of themselves, and their logs: $XDG_STATE_HOME/entoptic, or the like."""
-    if sys.platform == "win32":
-        return Path(os.environ.get("LOCALAPPDATA", Path.home() / "AppData" / "Local")) / "entoptic" / "state"
-    if sys.platform == "darwin":
-        return Path.home() / "Library" / "Application Support" / "entoptic"
-    return Path(os.environ.get("XDG_STATE_HOME", Path.home() / ".local" / "state")) / "entoptic"
+    """Where running processes leave word of themselves, and their logs: ~/.local/state/entoptic, or the like."""
+    return platformdirs.user_state_path("entoptic", appauthor=False)
 
 
 def prepare_jax(*, renders: bool = True) -> None:

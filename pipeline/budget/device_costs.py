@@ -10,9 +10,9 @@ from pathlib import Path
 import jax
 import msgspec
 
+from entoptic.atomic_file import output_errors, write_json
 from entoptic.pipeline.budget.costs import SHIPPED, Cost, CostModel, over_shipped
 from entoptic.pipeline.frame import FrameError
-from entoptic.pipeline.sinks.whole_file import WholeFile
 
 VERSION = 1
 """Of the file's form."""
@@ -68,17 +68,12 @@ def load(folder: Path, device: str | None = None) -> CostModel:
 
 
 def save(model: CostModel, folder: Path, device: str | None = None) -> Path:
-    """Keeps what was calibrated on a device, this one unless given, and says where. Raises FrameError."""
+    """Keeps what was calibrated on a device, this one unless given, and says where. Raises OutputError."""
     name = device_name() if device is None else device
     path = costs_file(folder, name)
-    file = WholeFile(path)
-    kept = _File(VERSION, name, {effect: dict(levels) for effect, levels in model.costs.items()})
-    try:
+    with output_errors(path):
         folder.mkdir(parents=True, exist_ok=True)
-        file.partial.write_bytes(msgspec.json.format(msgspec.json.encode(kept), indent=2))
-    except OSError as error:
-        raise file.failed(error.strerror or str(error)) from None
-    file.keep()
+        write_json(path, _File(VERSION, name, {effect: dict(levels) for effect, levels in model.costs.items()}))
     return path
 
 

@@ -4,5 +4,4 @@ images.py      single frames: PNG or EXR as the display takes them, EXR in absol
 video.py       a film
 video_parts.py films of what happens now, readable while they are written, and one of them all
 hdr10.py       what is particular to a film for an HDR10 display
-whole_file.py  a file is there when it is whole
 """

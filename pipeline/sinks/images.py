@@ -8,9 +8,9 @@ import numpy as np
 import OpenImageIO as oiio
 from jaxtyping import Float, UInt8, UInt16
 
+from entoptic.atomic_file import atomic_file, output_errors
 from entoptic.pipeline.effects.encode import PQ_CODES
 from entoptic.pipeline.frame import Display, Encoding, FrameError
-from entoptic.pipeline.sinks.whole_file import WholeFile
 
 P3_CICP, PQ_CICP = (12, 13, 0, 1), (9, 16, 0, 1)
 """Primaries, transfer function, no matrix, full range (ITU-T H.273), as PNG's cICP chunk says them."""
@@ -32,8 +32,8 @@ def write_still(
 ) -> None:
     """Writes what `encode` gives for a display, one eye's: PNG that names its colour space, EXR for linear light.
 
-    HDR10's 10 bits fill the 16 of a PNG. Raises FrameError if the file cannot be written, or for a path of another
-    suffix than `still_path` gives.
+    HDR10's 10 bits fill the 16 of a PNG. Raises OutputError if the file cannot be written, FrameError for a path of
+    another suffix than `still_path` gives.
     """
     if path.suffix != still_path(path, display).suffix:
         raise FrameError(f"{path}: a still for {display.encoding} is written as {still_path(path, display).name}")
@@ -50,7 +50,7 @@ def write_still(
 
 
 def write_png(path: Path, image: UInt8[np.ndarray, "y x 3"]) -> None:
-    """Writes code values for an sRGB display. Raises FrameError if the file cannot be written."""
+    """Writes code values for an sRGB display. Raises OutputError if the file cannot be written."""
     spec = oiio.ImageSpec(image.shape[1], image.shape[0], 3, oiio.UINT8)
     spec.attribute("oiio:ColorSpace", "sRGB")
     spec.attribute("png:compressionLevel", PNG_LEVEL)
@@ -60,7 +60,7 @@ def write_png(path: Path, image: UInt8[np.ndarray, "y x 3"]) -> None:
 def write_exr(path: Path, image: Float[np.ndarray, "y x 3"]) -> None:
     """Writes linear Rec.709 RGB in cd/m², float32; `whiteLuminance` says that 1 is 1 cd/m².
 
-    No chromaticities are stored: OpenEXR's default is Rec.709. Raises FrameError if the file cannot be written.
+    No chromaticities are stored: OpenEXR's default is Rec.709. Raises OutputError if the file cannot be written.
     """
     _write_linear(path, image, 1.0)
 
@@ -82,15 +82,14 @@ def _write_tagged(path: Path, image: np.ndarray, name: str, cicp: tuple[int, int
 
 
 def _write(path: Path, spec: oiio.ImageSpec, image: np.ndarray) -> None:
-    file = WholeFile(path)
-    output = oiio.ImageOutput.create(str(file.partial))
-    if output is None:
-        raise FrameError(f"{path}: {oiio.geterror()}")
-    written = output.open(str(file.partial), spec) and output.write_image(np.ascontiguousarray(image))
-    # On a full disk a PNG reports success all the way and only leaves a message; and some bytes go out on closing.
-    error = output.geterror()
-    written = output.close() and written
-    error = error or output.geterror()
-    if error or not written:
-        raise file.failed(error)
-    file.keep()
+    with output_errors(path), atomic_file(path) as partial:
+        output = oiio.ImageOutput.create(str(partial))
+        if output is None:
+            raise FrameError(f"{path}: {oiio.geterror()}")
+        written = output.open(str(partial), spec) and output.write_image(np.ascontiguousarray(image))
+        # On a full disk a PNG reports success all the way and only leaves a message; and some bytes go out on closing.
+        error = output.geterror()
+        written = output.close() and written
+        error = error or output.geterror()
+        if error or not written:
+            raise OSError(error)

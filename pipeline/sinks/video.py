@@ -5,12 +5,12 @@ sRGB and Display P3 are H.264, 8 bits, which every browser plays; HDR10 is HEVC,
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from fractions import Fraction
 from pathlib import Path
-from types import TracebackType
 
 import av
 import numpy as np
@@ -19,9 +19,9 @@ from av.video.reformatter import ColorRange, Colorspace
 from av.video.stream import VideoStream
 from jaxtyping import UInt8, UInt16
 
+from entoptic.atomic_file import atomic_file, output_errors
 from entoptic.pipeline.frame import Display, Encoding, FrameError
 from entoptic.pipeline.sinks import hdr10
-from entoptic.pipeline.sinks.whole_file import WholeFile
 
 CRF = "16"
 """x264's constant rate factor. Engineering choice: it is taken for visually lossless from 17–18 down; one or two finer,
@@ -54,7 +54,7 @@ class _Form:
 class Encoder:
     """Frames of one size and display, to be packets in a container; what both kinds of film are made with.
 
-    Raises FrameError for an encoding that no film has, and OSError where the container cannot be written.
+    Raises FrameError for an encoding that no film has, OutputError where the container cannot be written.
     """
 
     def __init__(self, path: Path, written: Path, size_px: tuple[int, int], fps: float, display: Display, whole: bool):
@@ -70,7 +70,8 @@ class Encoder:
         self._pad = ((0, height_px % 2), (0, width_px % 2), (0, 0))
         self._next, self._key_due = 0, 0.0 if not whole else math.inf
         flags = {"movflags": "+faststart"} if whole else {"movflags": FRAGMENTED, "flush_packets": "1"}
-        self.container = av.open(str(written), "w", format="mp4", options=flags)
+        with output_errors(path):
+            self.container = av.open(str(written), "w", format="mp4", options=flags)
         rate = Fraction(fps).limit_denominator(1000)
         options = self._form.options | ({} if whole else self._form.at_once)
         stream = self.container.add_stream(self._form.codec, rate=rate, options=options)
@@ -93,7 +94,8 @@ class Encoder:
     def write(self, image: UInt8[np.ndarray, "y x 3"] | UInt16[np.ndarray, "y x 3"], index: int | None = None) -> None:
         """Adds one frame, the next one, or the one that is shown from `index` frames after the start.
 
-        Raises FrameError for a frame of another size or depth, or one that does not come after the one before.
+        Raises FrameError for a frame of another size or depth, or one that does not come after the one before, and
+        OutputError where it cannot be written.
         """
         if image.shape != self._shape:
             raise FrameError(f"{self._path}: a frame of shape {image.shape} in a film of {self._shape}")
@@ -116,70 +118,44 @@ class Encoder:
         self._next = index + 1
 
     def _encode(self, frame: av.VideoFrame | None) -> None:
-        for packet in self._stream.encode(frame):
-            self.container.mux(packet)
+        with output_errors(self._path):
+            for packet in self._stream.encode(frame):
+                self.container.mux(packet)
 
-    def finish(self) -> None:
-        """Writes what is left."""
-        self._encode(None)
+    def close(self) -> None:
+        """Writes what is left, and the index; a full disk may refuse that too. Raises OutputError."""
+        try:
+            if self.begun:
+                self._encode(None)
+        finally:
+            with output_errors(self._path):
+                self.container.close()
 
 
-class Video:
-    """A context that writes one film; it takes its name when it is whole, and vanishes on an error.
+@contextlib.contextmanager
+def film(path: Path, size_px: tuple[int, int], fps: float, display: Display = Display()) -> Iterator[Encoder]:
+    """A context that writes one film, `size_px` wide and high; it takes its name when it is whole, and vanishes on an
+    error.
 
-    Raises FrameError if the film cannot be written, for a frame of another size or depth, for a film without a frame,
-    and for an encoding that no film has.
+    Raises OutputError if the film cannot be written, FrameError for a frame of another size or depth, for a film
+    without a frame, and for an encoding that no film has.
 
     Frames are what `encode` gives for the display, one eye's, of the size given; 4:2:0 wants even sides, so an odd side
     repeats its last row or column. The same frames give the same bytes.
     """
-
-    def __init__(self, path: Path, width_px: int, height_px: int, fps: float, display: Display = Display()) -> None:
-        self._path = path
-        self._file = WholeFile(path)
+    with contextlib.ExitStack() as file:
+        encoder = Encoder(path, file.enter_context(atomic_file(path)), size_px, fps, display, whole=True)
         try:
-            self._encoder = Encoder(path, self._file.partial, (width_px, height_px), fps, display, whole=True)
-        except (OSError, ValueError) as error:
-            raise self._file.failed(str(error)) from None
-
-    def __enter__(self) -> Video:
-        return self
-
-    def write(self, image: UInt8[np.ndarray, "y x 3"] | UInt16[np.ndarray, "y x 3"], index: int | None = None) -> None:
-        """Adds one frame: the next one, or the one that is shown from `index` frames after the start."""
-        try:
-            self._encoder.write(image, index)
-        except OSError as error:
-            raise self._file.failed(str(error)) from None
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        try:
-            if kind is None and self._encoder.begun:
-                self._finish()
-        finally:
-            self._close(kind is not None)
-        if kind is None and not self._encoder.begun:
-            raise FrameError(f"{self._path}: no frame was written, so there is no film")
-        if kind is None:
-            self._file.keep()
-        else:
-            self._file.drop()
-
-    def _finish(self) -> None:
-        try:
-            self._encoder.finish()
-        except OSError as error:
-            raise self._file.failed(str(error)) from None
-
-    def _close(self, failed: bool) -> None:
-        """The index is written on closing, which a full disk may refuse too; an error on its way is not replaced."""
-        try:
-            self._encoder.container.close()
-        except OSError as error:
-            if not failed:
-                raise self._file.failed(str(error)) from None
+            yield encoder
+            if not encoder.begun:
+                raise FrameError(f"{path}: no frame was written, so there is no film")
+        except BaseException:
+            with contextlib.suppress(OSError, ValueError):  # of the two errors the first one is told
+                encoder.container.close()
+            raise
+        with output_errors(path):
+            encoder.close()
+            file.close()
 
 
 def _form(display: Display, path: Path) -> _Form:

@@ -17,9 +17,9 @@ from av.container import InputContainer, OutputContainer
 from av.video.stream import VideoStream
 from jaxtyping import UInt8, UInt16
 
+from entoptic.atomic_file import atomic_file, output_errors
 from entoptic.pipeline.frame import Display, FrameError
 from entoptic.pipeline.sinks.video import Encoder
-from entoptic.pipeline.sinks.whole_file import WholeFile
 
 _BEGINS = "begins at "
 """What a part says of itself, and then at how many seconds, as a fraction; a film of parts what its first one said."""
@@ -28,48 +28,31 @@ _BEGINS = "begins at "
 class Part:
     """One stretch of a film: fragmented MP4. Half a second at most is lost where its writer is killed.
 
-    Raises FrameError if it cannot be written, for a frame of another size or depth, and for an encoding that no film
-    has.
+    Raises OutputError if it cannot be written, FrameError for a frame of another size or depth, and for an encoding
+    that no film has.
     """
 
     def __init__(
         self, path: Path, width_px: int, height_px: int, fps: float, display: Display, first_frame: int
     ) -> None:
         self._path, self._first = path, first_frame
-        try:
-            self._encoder = Encoder(path, path, (width_px, height_px), fps, display, whole=False)
-            begins_s = first_frame / Fraction(fps).limit_denominator(1000)
-            self._encoder.container.metadata["comment"] = f"{_BEGINS}{begins_s}"
+        self._encoder = Encoder(path, path, (width_px, height_px), fps, display, whole=False)
+        begins_s = first_frame / Fraction(fps).limit_denominator(1000)
+        self._encoder.container.metadata["comment"] = f"{_BEGINS}{begins_s}"
+        with output_errors(path):
             self._encoder.container.start_encoding()
-        except (OSError, ValueError) as error:
-            raise self._failed(error) from None
 
     def write(self, image: UInt8[np.ndarray, "y x 3"] | UInt16[np.ndarray, "y x 3"], frame: int) -> None:
         """Adds a frame by its number, of which there are `fps` a second."""
-        try:
-            self._encoder.write(image, frame - self._first)
-        except OSError as error:
-            raise self._failed(error) from None
+        self._encoder.write(image, frame - self._first)
 
     def close(self) -> None:
         """Writes what is left; a part without a frame vanishes."""
         try:
-            if self._encoder.begun:
-                self._encoder.finish()
-        except OSError as error:
-            raise self._failed(error) from None
+            self._encoder.close()
         finally:
-            try:
-                self._encoder.container.close()
-            except OSError as error:
-                raise self._failed(error) from None
-            finally:
-                if not self._encoder.begun:
-                    self._path.unlink(missing_ok=True)
-
-    def _failed(self, error: Exception) -> FrameError:
-        reason = str(error).strip().split("\n")[0]
-        return FrameError(f"{self._path} cannot be written ({reason}); check its folder and the space on the disk")
+            if not self._encoder.begun:
+                self._path.unlink(missing_ok=True)
 
 
 def join(parts: list[Path], out: Path) -> tuple[tuple[Path, str], ...]:
@@ -77,36 +60,15 @@ def join(parts: list[Path], out: Path) -> tuple[tuple[Path, str], ...]:
     where the first of them does (`begins_s`).
 
     A part that its writer left torn counts up to its last whole frame, one that holds no frame not at all. Raises
-    FrameError if the film cannot be written or there is no frame in any part.
+    OutputError if the film cannot be written, FrameError if there is no frame in any part.
     """
-    file = WholeFile(out)
-    left_over: list[tuple[Path, str]] = []
-    with contextlib.ExitStack() as opened:
-        try:
-            film = opened.enter_context(
-                av.open(str(file.partial), "w", format="mp4", options={"movflags": "+faststart"})
-            )
-        except OSError as error:
-            raise file.failed(str(error)) from None
-        joined = _Joined(film)
-        try:
-            for path in parts:
-                note = _append(joined, path)
-                left_over += [] if note is None else [(path, note)]
-        except OSError as error:
-            with contextlib.suppress(OSError):
-                opened.close()
-            raise file.failed(str(error)) from None
+    with output_errors(out), atomic_file(out) as partial:
+        with av.open(str(partial), "w", format="mp4", options={"movflags": "+faststart"}) as film:
+            joined = _Joined(film)
+            notes = [(path, _append(joined, path)) for path in parts]
         if joined.stream is None:
-            opened.close()
-            file.drop()
             raise FrameError(f"{out}: no part holds a frame, so there is no film")
-        try:
-            opened.close()
-        except OSError as error:
-            raise file.failed(str(error)) from None
-    file.keep()
-    return tuple(left_over)
+    return tuple((path, note) for path, note in notes if note is not None)
 
 
 class _Joined:

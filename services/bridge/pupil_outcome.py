@@ -13,6 +13,7 @@ from pathlib import Path
 
 import msgspec
 
+from entoptic.errors import OutputError
 from entoptic.services.calibration.result import EyeFigures, figures, judge, pupil_map_of, write, write_failed_plot
 from entoptic.services.calibration.run import Recorded
 from entoptic.tracker_bridge.pupil_map import PupilMap, PupilMapError
@@ -71,7 +72,7 @@ def conclude(job: Job) -> Outcome:
         else:
             found = pupil_map_of(attempt, job.source, job.display, job.uncertainty_ns, map_mm=job.map_mm)
             plot = write(out, found, attempt)
-    except PupilMapError as error:
+    except (PupilMapError, OutputError) as error:
         detail, _, remedy = str(error).partition("; ")
         problem = Named("not written", detail, remedy or "calibrate again")
         return Outcome(None, None, eyes, (*problems, problem), words if problems else f"No result: {error}.")

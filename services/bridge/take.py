@@ -10,8 +10,9 @@ from pathlib import Path
 
 import msgspec
 
+from entoptic.atomic_file import write_json
 from entoptic.services.bridge.tables import STATES, Tables
-from entoptic.services.results.whole import BRIDGE, write_json
+from entoptic.services.results.folder import BRIDGE
 from entoptic.tracker_bridge.events import Event
 from entoptic.tracker_bridge.samples import NS_PER_S, EyeState, GazeSample, PupilSample
 from entoptic.tracker_bridge.source import Item, Tick

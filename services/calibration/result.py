@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 import dataclasses
 import importlib.metadata
 import math
@@ -13,6 +12,7 @@ from typing import Literal, cast
 
 import msgspec
 
+from entoptic.atomic_file import atomic_file, output_errors
 from entoptic.services.calibration.run import Recorded
 from entoptic.tracker_bridge import pupil_map
 from entoptic.tracker_bridge.calibration import Screen, ShownScreen
@@ -147,46 +147,26 @@ def refuse_unwritable(out: Path) -> None:
 
 
 def write(out: Path, found: PupilMap, attempt: Attempt) -> Path:
-    """Writes the map and its plot beside it, both or none; returns the plot's path. Raises PupilMapError."""
-    partial = _partial(out)
-    try:
+    """Writes the map and its plot beside it, both or none; returns the plot's path. Raises OutputError."""
+    plot = out.with_suffix(".png")
+    with output_errors(out), atomic_file(out) as partial:
         partial.write_text(pupil_map.text(found), encoding="utf-8")
-        write_plot(plot := out.with_suffix(".png"), attempt, f"{found.source}, {found.date}, protocol {found.protocol}")
-        partial.replace(out)
-    except OSError as error:
-        raise _unwritten(out, partial, error) from None
-    except PupilMapError:
-        partial.unlink()
-        raise
+        write_plot(plot, attempt, f"{found.source}, {found.date}, protocol {found.protocol}")
     return plot
 
 
 def write_failed_plot(out: Path, attempt: Attempt, source: str) -> Path:
-    """Writes the plot of a run without a result beside where that would lie; its path. Raises PupilMapError."""
+    """Writes the plot of a run without a result beside where that would lie; its path. Raises OutputError."""
     plot = out.with_suffix(".failed.png")
     write_plot(plot, attempt, f"{source}, protocol {attempt.recorded.protocol.name}: no result")
     return plot
 
 
 def write_plot(path: Path, attempt: Attempt, title: str) -> None:
-    """Writes the picture of an attempt. Raises PupilMapError."""
+    """Writes the picture of an attempt. Raises OutputError."""
     from entoptic.services.calibration import (
         plot as calibration_plot,  # with Matplotlib, which takes a second to import
     )
 
-    partial = _partial(path)
-    try:
+    with output_errors(path), atomic_file(path) as partial:
         calibration_plot.write(partial, attempt.analysis, attempt.screens, title)
-        partial.replace(path)
-    except OSError as error:
-        raise _unwritten(path, partial, error) from None
-
-
-def _partial(path: Path) -> Path:
-    return path.with_name(f"{path.stem}.partial{path.suffix}")
-
-
-def _unwritten(path: Path, partial: Path, error: OSError) -> PupilMapError:
-    with contextlib.suppress(OSError):
-        partial.unlink()
-    return PupilMapError(f"{path} cannot be written ({error.strerror}); check its folder and the space on the disk")

@@ -12,18 +12,18 @@ from typing import Any, TypeVar
 import msgspec
 from msgspec.structs import replace
 
-from entoptic.pipeline import FrameError
+from entoptic.errors import EntopticError
 from entoptic.services.calibration.page import Screens
 from entoptic.services.console import listing, requests
 from entoptic.services.console.fields import changed
 from entoptic.services.console.live import Live
 from entoptic.services.console.protocol import PERCEIVED, Replied
 from entoptic.services.console.viewers import Page
-from entoptic.services.control import PATIENCE_MS, ControlError
+from entoptic.services.control import PATIENCE_MS
 from entoptic.services.live import requests as asked
 from entoptic.services.live.addresses import Addresses
 from entoptic.services.psf import observer_file
-from entoptic.services.settings import Settings, SettingsError
+from entoptic.services.settings import Settings
 from entoptic.tracker_bridge.access import ClientKeys
 
 HOST_PATIENCE_MS = 15_000
@@ -68,7 +68,7 @@ class Actions:
         """Never raises: an error is a reply."""
         try:
             reply = await self._do(request, page)
-        except (ControlError, SettingsError, FrameError, OSError, ValueError, msgspec.ValidationError) as error:
+        except (EntopticError, OSError, ValueError, msgspec.ValidationError) as error:
             return Replied(request.id, False, str(error))
         except Refused as refused:
             return Replied(request.id, False, str(refused), refused.data)

@@ -7,13 +7,13 @@ from __future__ import annotations
 
 import contextlib
 import shutil
-import sys
 from collections.abc import Iterator
 from pathlib import Path
-from typing import IO
 
 import msgspec
+from filelock import FileLock
 
+from entoptic.atomic_file import write_json
 from entoptic.services.process import state_folder
 
 
@@ -42,26 +42,24 @@ class Registration:
         """Its own folder, gone when it ends."""
         shutil.rmtree(self.scratch, ignore_errors=True)
         self.scratch.mkdir(mode=0o700)
-        self._lock = self._path.with_suffix(".lock").open("wb")
-        _try_lock(self._lock)
+        self._lock = _lock_of(self._path)
+        self._lock.acquire()
         self.update(host)
 
     def update(self, host: RunningHost) -> None:
         """Says something else from now on."""
-        new = self._path.with_suffix(".new")
-        new.write_bytes(msgspec.json.encode(host))
-        new.replace(self._path)
+        write_json(self._path, host)
 
     def close(self) -> None:
         """Nothing is left."""
-        self._lock.close()
+        self._lock.release()
         _remove(self._path)
 
 
 def running() -> Iterator[RunningHost]:
     """The hosts that live; what dead ones left is removed."""
-    for path in sorted(_folder().glob("*.json")):
-        if not _is_held(path.with_suffix(".lock")):
+    for path in sorted(_folder().glob("[0-9]*.json")):
+        if not _is_held(path):
             _remove(path)
             continue
         with contextlib.suppress(OSError, msgspec.DecodeError):
@@ -70,32 +68,18 @@ def running() -> Iterator[RunningHost]:
 
 def _remove(path: Path) -> None:
     shutil.rmtree(path.with_suffix(".files"), ignore_errors=True)
-    for each in (path, path.with_suffix(".lock"), path.with_suffix(".new")):
+    for each in (path, path.with_suffix(".lock")):
         with contextlib.suppress(OSError):
             each.unlink()
 
 
-def _is_held(lock: Path) -> bool:
+def _is_held(path: Path) -> bool:
     try:
-        with lock.open("rb+") as file:
-            return not _try_lock(file)
-    except FileNotFoundError:
-        return False
+        with _lock_of(path):
+            return False
     except OSError:
         return True
 
 
-def _try_lock(file: IO[bytes]) -> bool:
-    """Whether nobody else holds it; from then on this process does, until the file is closed."""
-    try:
-        if sys.platform == "win32":
-            import msvcrt
-
-            msvcrt.locking(file.fileno(), msvcrt.LK_NBLCK, 1)
-        else:
-            import fcntl
-
-            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except OSError:
-        return False
-    return True
+def _lock_of(path: Path) -> FileLock:
+    return FileLock(path.with_suffix(".lock"), blocking=False, thread_local=False)

@@ -17,15 +17,14 @@ from typing import Any, Final
 
 import msgspec
 
-from entoptic.errors import EntopticError
-from entoptic.pipeline import FrameError
+from entoptic.atomic_file import write_json
+from entoptic.errors import EntopticError, OutputError
 from entoptic.services.live.checked import Checked
 from entoptic.services.live.supervision import Gap
 from entoptic.services.psf import observer_file
 from entoptic.services.results import session_file
 from entoptic.services.results.finish import finish as finish_frames
 from entoptic.services.results.folder import ResultsFolderError, keep, refuse_foreign
-from entoptic.services.results.whole import write_json
 from entoptic.services.settings import Settings
 
 PARTIAL: Final = ".partial"
@@ -75,7 +74,7 @@ def make(final: Path, checked: Checked) -> Path:
     try:
         observer_file.write(folder / "settings.toml", checked.settings)
         of_session(checked, "live").write(folder)
-    except (OSError, FrameError) as error:
+    except (OSError, OutputError) as error:
         shutil.rmtree(folder, ignore_errors=True)
         raise _unwritable(folder, error) from None
     return folder

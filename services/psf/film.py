@@ -15,7 +15,7 @@ from matplotlib.figure import Figure
 from entoptic.pipeline.observer import OcularDynamics
 from entoptic.pipeline.optics import ocular_dynamics
 from entoptic.pipeline.optics.ocular_dynamics import SaccadeImpulse
-from entoptic.pipeline.sinks.video import Video
+from entoptic.pipeline.sinks.video import film
 from entoptic.services.psf import layout
 from entoptic.services.psf.picture import displayed, radiance
 from entoptic.services.psf.subject import Subject
@@ -48,7 +48,7 @@ def write(folder: Path, subject: Subject, seconds: float, progress: Callable[[in
     panels = []
     saccades = np.random.default_rng([observer.seed, _SACCADE_STREAM])
     state, mean_mm = ocular_dynamics.at_rest(observer), subject.pose.pupil_mm
-    with Video(folder / "psf.mp4", SIDE_PX, SIDE_PX, FPS) as video:
+    with film(folder / "psf.mp4", (SIDE_PX, SIDE_PX), FPS) as video:
         for number in range(count):
             t_s = number / FPS
             pose = ocular_dynamics.pose_of(state, observer, mean_mm, openness_at(t_s), measured=False)

@@ -7,9 +7,9 @@ from pathlib import Path
 
 import msgspec
 
+from entoptic.atomic_file import output_errors, write_bytes
 from entoptic.pipeline.effects.glare.models import GlareModel
 from entoptic.pipeline.observer import Iris
-from entoptic.pipeline.sinks.whole_file import WholeFile
 from entoptic.services.settings import Settings, SettingsError
 
 
@@ -41,15 +41,11 @@ def refuse_unwritable(path: Path) -> None:
 
 
 def write(path: Path, settings: Settings) -> None:
-    """Writes all settings as TOML: reading the file gives the same ones. Raises FrameError if it cannot."""
+    """Writes all settings as TOML: reading the file gives the same ones. Raises OutputError if it cannot."""
     lines = ["# Settings of one person; every command takes them by --settings."]
     _table(lines, msgspec.to_builtins(settings), "")
-    file = WholeFile(path)
-    try:
-        file.partial.write_text("\n".join(lines) + "\n", encoding="utf-8")
-    except OSError as error:
-        raise file.failed(str(error)) from None
-    file.keep()
+    with output_errors(path):
+        write_bytes(path, "\n".join([*lines, ""]).encode())
 
 
 def _table(lines: list[str], values: dict[str, object], name: str) -> None:

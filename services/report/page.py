@@ -12,10 +12,10 @@ from typing import Any
 import jinja2
 import numpy as np
 
+from entoptic.atomic_file import write_bytes
 from entoptic.pipeline.plan import OFF, SKIPPED, Effect
 from entoptic.services.report import latency
 from entoptic.services.report.plots import PLOTS, Subject, Table, numbers, svg
-from entoptic.services.results.whole import write_whole
 
 MOST_PAIRS = 12
 """On the page; all of them lie in the folder."""
@@ -44,7 +44,7 @@ def write(folder: Path) -> None:
         page = _page(folder, summary, *tables.values())
     except (ValueError, KeyError, IndexError, TypeError) as error:
         raise ReportError(_damage(tables) or f"a table or summary.json is not whole: {error!r}") from None
-    write_whole(folder / "report.html", page.encode())
+    write_bytes(folder / "report.html", page.encode())
 
 
 def _damage(tables: dict[str, Table]) -> str | None:

@@ -7,13 +7,15 @@ from typing import Any
 
 import msgspec
 
+from entoptic.atomic_file import write_json
+from entoptic.errors import OutputError
 from entoptic.pipeline.frame import FrameError
 from entoptic.pipeline.sinks.video_parts import begins_s, join
+from entoptic.services.results.folder import BRIDGE, WORKER
 from entoptic.services.results.frames import film_parts
 from entoptic.services.results.moments import FILE as MOMENTS
 from entoptic.services.results.moments import Moment, Moments, MomentsError, Perceive, Resumed
 from entoptic.services.results.tally import PLAN, Tally, WorkerSummary
-from entoptic.services.results.whole import BRIDGE, WORKER, write_json
 
 FILM = "perceived.mp4"
 APART = "perceived_apart-"
@@ -108,7 +110,7 @@ def _join(folder: Path, notes: list[str]) -> str | None:
                     part.rename(folder / f"{APART}{part.stem.rpartition('-')[2]}{part.suffix}")
                 else:
                     part.unlink(missing_ok=True)
-        except (FrameError, OSError) as error:
+        except (OutputError, FrameError, OSError) as error:
             notes.append(f"The film stays in parts: {error}.")
     for part in sorted(folder.glob(f"{APART}*")):
         at_s = begins_s(part)

@@ -6,6 +6,7 @@ import contextlib
 import shutil
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Final
 
 from entoptic.errors import EntopticError
 
@@ -13,6 +14,10 @@ LIST = ".entoptic"
 """Names what was written, so that only that is ever replaced; empty while a folder is being written."""
 NEW = ".new"
 """Of a folder's name while it is being written. A live take has another one: it is never removed."""
+BRIDGE: Final = "bridge.json"
+"""A bridge's last word on a session; missing while it records one, and where it was ended by force."""
+WORKER: Final = "worker.json"
+"""A worker's."""
 
 
 class ResultsFolderError(EntopticError):

@@ -11,18 +11,19 @@ from types import TracebackType
 import msgspec
 import numpy as np
 
+from entoptic.atomic_file import write_bytes
 from entoptic.pipeline import Encoding, as_displayed
 from entoptic.pipeline.effects.encode import encode
 from entoptic.pipeline.sinks.images import still_path, write_exr, write_png, write_still
-from entoptic.pipeline.sinks.video import Video
+from entoptic.pipeline.sinks.video import Encoder, film
 from entoptic.pipeline.sinks.video_parts import Part
 from entoptic.services.live.messages import LatencyMs
 from entoptic.services.options import Save
 from entoptic.services.results import kept, moments
 from entoptic.services.results.appended import Appended, row, whole_rows
+from entoptic.services.results.folder import WORKER
 from entoptic.services.results.moments import Begun, Moment, Moments, Perceive, Resumed
 from entoptic.services.results.tally import PLAN, Heard, Tally, WorkerSummary, plan_columns
-from entoptic.services.results.whole import WORKER, write_whole
 from entoptic.services.settings import Settings
 from entoptic.services.worker.rendering import Rendered
 
@@ -54,7 +55,7 @@ class Results:
         """Number of the frame at the tables' zero; known with the first frame."""
         self._tally = Tally(begun.fps)
         self._hash = hashlib.sha256()
-        self._video: Video | None = None
+        self._video: Encoder | None = None
         self._part: Part | None = None
         self._part_display = self._display
         self._files = contextlib.ExitStack()
@@ -89,12 +90,10 @@ class Results:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        """Closes all. Raises FrameError where the film cannot be finished."""
-        with self._files:
-            if self._part is not None:
-                self._part.close()
-            if self._video is not None:
-                self._video.__exit__(kind, error, trace)
+        """Closes all. Raises OutputError where the film cannot be finished."""
+        if self._part is not None:
+            self._files.callback(self._part.close)
+        self._files.__exit__(kind, error, trace)
 
     @property
     def folder(self) -> Path:
@@ -130,7 +129,7 @@ class Results:
         self._plan.check()
 
     def add(self, rendered: Rendered, moment: Moment) -> None:
-        """Keeps one more frame, and what it was rendered from. Raises OSError or FrameError where it cannot."""
+        """Keeps one more frame, and what it was rendered from. Raises OSError or OutputError where it cannot."""
         t_s = rendered.t_s - self._zero_s
         if self._first is None:
             self._first = min(rendered.frame_number, rendered.frame_number - round(t_s * self._begun.fps))
@@ -162,7 +161,9 @@ class Results:
         path, fps = self._folder, self._begun.fps
         if not self._parts:
             if self._video is None:
-                self._video = Video(path / "perceived.mp4", width, height, fps, self._display)
+                self._video = self._files.enter_context(
+                    film(path / "perceived.mp4", (width, height), fps, self._display)
+                )
             self._video.write(image, index)
             return
         if self._part is not None and self._display != self._part_display:
@@ -185,7 +186,7 @@ class Results:
         scene = side_by_side(np.asarray(rendered.frame.rgb_cd_m2).transpose(0, 2, 3, 1))
         write_exr(folder / f"{name}_scene.exr", scene)
         self._pairs.append({"frame": rendered.frame_number, "t_s": t_s})
-        write_whole(folder / "key_frames.json", json.dumps(self._pairs).encode())
+        write_bytes(folder / "key_frames.json", json.dumps(self._pairs).encode())
 
     def summary(self, heard: Heard | None, warm_up_s: float | None) -> WorkerSummary:
         """All of it in figures."""

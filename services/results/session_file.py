@@ -12,9 +12,9 @@ from typing import Final, Literal
 
 import msgspec
 
+from entoptic.atomic_file import write_json
 from entoptic.errors import EntopticError
 from entoptic.services.live.choice import SessionChoice
-from entoptic.services.results.whole import write_json
 
 FILE: Final = "session.json"
 INPUTS: Final = "inputs"

@@ -13,14 +13,14 @@ from rich.console import Console
 from rich.markup import escape
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
+from entoptic.atomic_file import write_json
 from entoptic.services.live import takes
 from entoptic.services.live.children import Child
 from entoptic.services.options import Save
 from entoptic.services.process import Stop
 from entoptic.services.results import session_file
-from entoptic.services.results.folder import results_folder
+from entoptic.services.results.folder import BRIDGE, results_folder
 from entoptic.services.results.moments import FILE as MOMENTS
-from entoptic.services.results.whole import BRIDGE, write_json
 from entoptic.services.session.offline import SessionError, StoppedError, end
 
 TABLES = ("states.csv", "events.csv", BRIDGE, session_file.FILE, "settings.toml")

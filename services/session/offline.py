@@ -65,11 +65,12 @@ def keep(checked: Checked, final: Path, stop: Stop, console: Console) -> Outcome
 
     Raises SessionError, StoppedError and ResultsFolderError; then no folder is left.
     """
+    from entoptic.atomic_file import write_json
     from entoptic.services import simulated_light
     from entoptic.services.live import takes
     from entoptic.services.report import page as report
     from entoptic.services.results.finish import finish
-    from entoptic.services.results.whole import BRIDGE, write_json
+    from entoptic.services.results.folder import BRIDGE
 
     with results_folder(final) as folder:
         observer_file.write(folder / "settings.toml", checked.settings)

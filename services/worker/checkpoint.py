@@ -6,14 +6,13 @@ a file of another scene or view, of another version or from before the machine w
 
 from __future__ import annotations
 
-import contextlib
-import os
 import time
 from pathlib import Path
 
 import msgspec
 import structlog
 
+from entoptic.atomic_file import write_bytes
 from entoptic.pipeline import RenderState, View
 from entoptic.pipeline.budget import CostModel
 from entoptic.pipeline.scenes import Head
@@ -79,17 +78,13 @@ class Keeper:
     def write(self, checkpoint: Checkpoint) -> None:
         """Replaces the file; a disk that is full is logged once, and does not matter until a crash."""
         self._due_s = time.monotonic() + EVERY_S
-        partial = self._path.with_name(self._path.name + ".partial")
         try:
-            partial.write_bytes(kept.encode(checkpoint))
-            os.replace(partial, self._path)
+            write_bytes(self._path, kept.encode(checkpoint))
             self._failed = False
         except OSError as error:
             if not self._failed:
                 self._log.warning("checkpoint not written", file=str(self._path), error=error.strerror)
             self._failed = True
-            with contextlib.suppress(OSError):
-                partial.unlink()
 
     def read(self, job: Job) -> Checkpoint | None:
         """What is there to go on from, if anything; what is of no use is logged."""

@@ -8,18 +8,18 @@ from pathlib import Path
 
 import structlog
 
-from entoptic.pipeline import FrameError
+from entoptic.errors import EntopticError
 from entoptic.services.live.messages import LatencyMs
 from entoptic.services.options import Save
 from entoptic.services.results.finish import write_summary
 from entoptic.services.results.frames import Results
 from entoptic.services.results.moments import FILE as MOMENTS
-from entoptic.services.results.moments import Begun, Moment, MomentsError
+from entoptic.services.results.moments import Begun, Moment
 from entoptic.services.results.tally import Heard, WorkerSummary
 from entoptic.services.settings import Settings
 from entoptic.services.worker.rendering import Rendered
 
-UNWRITABLE = (OSError, FrameError, MomentsError)
+UNWRITABLE = (OSError, EntopticError)
 
 
 class WorkerTake:
@@ -36,7 +36,7 @@ class WorkerTake:
         """Why the last take ended before it was asked to."""
 
     def begin(self, folder: str, start_ns: int, begun: Begun, save: frozenset[Save], heard: Heard) -> None:
-        """Raises OSError, FrameError or MomentsError where nothing can be kept there."""
+        """Raises OSError or an EntopticError where nothing can be kept there."""
         # What a worker before this one heard went with it: then nothing is known of all of the take.
         self._goes_on = (Path(folder) / MOMENTS).exists()
         self._results = Results(Path(folder), begun, save, parts=True)

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from screen_program import ScreenProgram
 
+from entoptic.errors import OutputError
 from entoptic.services.calibration import result as results
 from entoptic.services.calibration.display import Answer, NoDisplay, Request, SocketDisplay
 from entoptic.services.calibration.result import Attempt, judge
@@ -251,7 +252,7 @@ def test_a_result_that_cannot_be_written_leaves_the_old_one(tmp_path: Path, vali
     out = tmp_path / "my_pupil.toml"
     out.write_text("old")
     (tmp_path / "my_pupil.png").mkdir()
-    with pytest.raises(PupilMapError, match=r"my_pupil\.png cannot be written"):
+    with pytest.raises(OutputError, match=r"my_pupil\.png cannot be written"):
         results.write(out, result_of(valid), valid)
     assert out.read_text() == "old"
     assert {path.name for path in tmp_path.iterdir()} == {"my_pupil.toml", "my_pupil.png"}

@@ -6,6 +6,7 @@ from typing import Any
 
 import pytest
 
+from entoptic.atomic_file import write_json
 from entoptic.services.live import takes
 from entoptic.services.live.checked import check
 from entoptic.services.live.choice import SessionChoice
@@ -13,7 +14,6 @@ from entoptic.services.live.supervision import Gap
 from entoptic.services.report.plots import NOT_TRACKING
 from entoptic.services.results import session_file
 from entoptic.services.results.finish import finish
-from entoptic.services.results.whole import write_json
 from entoptic.tracker_bridge.wire import Phase
 
 

@@ -27,6 +27,7 @@ from typing import Final, Self
 import msgpack  # type: ignore[import-untyped]  # ships no types
 import numpy as np
 
+from entoptic.atomic_file import write_bytes
 from entoptic.tracker_bridge.source import SourceError
 from entoptic.tracker_bridge.sources.loaded import Sample, sort_key
 from entoptic.tracker_bridge.sources.pupil_form import Map, data_of, is_writable
@@ -69,7 +70,7 @@ class PupilRecorder:
         self._info = _info(name or folder.name, start_s, time.time() if start_system_s is None else start_system_s)
         try:
             folder.mkdir(parents=True)
-            _replace(folder / INFO_FILE, json.dumps(self._info, indent=4).encode())
+            write_bytes(folder / INFO_FILE, json.dumps(self._info, indent=4).encode(), durable=True)
         except FileExistsError:
             raise RecordingError(f"{folder} exists already: choose another name, or remove it first") from None
         except OSError as error:
@@ -139,7 +140,7 @@ class PupilRecorder:
                 # One that cannot be finished must not keep the others open.
                 for stream in self._streams.values():
                     each.callback(stream.close)
-            _replace(self.folder / INFO_FILE, json.dumps(self._info, indent=4).encode())
+            write_bytes(self.folder / INFO_FILE, json.dumps(self._info, indent=4).encode(), durable=True)
         except OSError as error:
             raise RecordingError(
                 f"{self.folder} cannot be finished: {error.strerror}. Its .pldata files are whole and can be read"
@@ -188,16 +189,6 @@ class _Stream:
             np.save(timestamps, np.frombuffer(self.timestamps))
         finally:
             os.close(self._file)
-
-
-def _replace(file: Path, contents: bytes) -> None:
-    """Writes a file so that at any moment either the old or the new contents are there."""
-    scratch = file.with_name(f".{file.name}.new")
-    with scratch.open("wb") as stream:
-        stream.write(contents)
-        stream.flush()
-        os.fsync(stream.fileno())
-    scratch.replace(file)
 
 
 def _info(name: str, start_synced_s: float, start_system_s: float) -> Map:

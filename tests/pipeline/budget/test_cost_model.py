@@ -12,6 +12,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from entoptic.errors import OutputError
 from entoptic.pipeline.budget import (
     SHIPPED,
     Choice,
@@ -149,7 +150,7 @@ class TestDevice:
 
     def test_a_folder_that_cannot_be_written_is_named(self, tmp_path: Path) -> None:
         (tmp_path / "file").write_text("", encoding="utf-8")
-        with pytest.raises(FrameError, match=r"costs-d\.json cannot be written"):
+        with pytest.raises(OutputError, match=r"costs-d\.json cannot be written"):
             save(MODEL, tmp_path / "file", "d")
 
 

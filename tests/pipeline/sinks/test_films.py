@@ -11,7 +11,7 @@ from av.sidedata.sidedata import Type
 
 from entoptic.pipeline.frame import Display, Encoding, FrameError
 from entoptic.pipeline.sinks.hdr10 import planes
-from entoptic.pipeline.sinks.video import Video
+from entoptic.pipeline.sinks.video import film
 
 HDR10 = Display(peak_cd_m2=1000.0, black_cd_m2=0.005, encoding=Encoding.HDR10)
 COLOURS = ((0, 0, 0), (1023, 1023, 1023), (769, 769, 769), (600, 300, 200), (200, 600, 300), (100, 200, 700))
@@ -32,8 +32,8 @@ def split(samples: np.ndarray, height: int) -> tuple[np.ndarray, np.ndarray, np.
     return samples[:height], blue, red
 
 
-def film(path: Path, display: Display, colours: tuple[tuple[int, int, int], ...] = COLOURS) -> Path:
-    with Video(path, 64, 46, 24.0, display) as video:
+def written(path: Path, display: Display, colours: tuple[tuple[int, int, int], ...] = COLOURS) -> Path:
+    with film(path, (64, 46), 24.0, display) as video:
         for rgb in colours:
             video.write(np.full((46, 64, 3), rgb, np.uint16 if display.encoding == Encoding.HDR10 else np.uint8))
     return path
@@ -63,7 +63,7 @@ def test_chroma_stands_at_the_upper_left_of_its_four_pixels() -> None:
 
 
 def test_an_hdr10_film_comes_back_with_its_colours(tmp_path: Path) -> None:
-    with av.open(str(film(tmp_path / "a.mp4", HDR10))) as container:
+    with av.open(str(written(tmp_path / "a.mp4", HDR10))) as container:
         frames = [frame.to_ndarray() for frame in container.decode(video=0)]
     assert len(frames) == len(COLOURS)
     for samples, codes in zip(frames, COLOURS, strict=True):
@@ -74,7 +74,7 @@ def test_an_hdr10_film_comes_back_with_its_colours(tmp_path: Path) -> None:
 
 
 def test_an_hdr10_film_says_what_it_is_and_of_which_display(tmp_path: Path) -> None:
-    with av.open(str(film(tmp_path / "a.mp4", HDR10))) as container:
+    with av.open(str(written(tmp_path / "a.mp4", HDR10))) as container:
         context = container.streams.video[0].codec_context
         assert (context.name, context.profile, context.pix_fmt) == ("hevc", "Main 10", "yuv420p10le")
         assert (context.color_primaries, context.color_trc, context.colorspace, context.color_range) == (9, 16, 9, 1)
@@ -89,7 +89,7 @@ def test_an_hdr10_film_says_what_it_is_and_of_which_display(tmp_path: Path) -> N
 
 def test_a_p3_film_says_so_and_is_otherwise_the_srgb_one(tmp_path: Path) -> None:
     display = Display(encoding=Encoding.DISPLAY_P3)
-    with av.open(str(film(tmp_path / "a.mp4", display, ((230, 30, 30), (20, 40, 220))))) as container:
+    with av.open(str(written(tmp_path / "a.mp4", display, ((230, 30, 30), (20, 40, 220))))) as container:
         context = container.streams.video[0].codec_context
         assert (context.name, context.color_primaries, context.color_trc, context.colorspace) == ("h264", 12, 13, 1)
 
@@ -98,7 +98,7 @@ def test_same_frames_same_bytes(tmp_path: Path) -> None:
     random = np.random.default_rng(0)
     images = [random.integers(0, 1024, (64, 96, 3)).astype(np.uint16) for _ in range(6)]
     for name in ("a.mp4", "b.mp4"):
-        with Video(tmp_path / name, 96, 64, 24.0, HDR10) as video:
+        with film(tmp_path / name, (96, 64), 24.0, HDR10) as video:
             for image in images:
                 video.write(image)
     assert (tmp_path / "a.mp4").read_bytes() == (tmp_path / "b.mp4").read_bytes()
@@ -107,7 +107,7 @@ def test_same_frames_same_bytes(tmp_path: Path) -> None:
 @pytest.mark.parametrize("count", [1, 2, 3])
 def test_the_shortest_films_are_whole(tmp_path: Path, count: int) -> None:
     for attempt in range(5):
-        path = film(tmp_path / f"{attempt}.mp4", HDR10, COLOURS[:count])
+        path = written(tmp_path / f"{attempt}.mp4", HDR10, COLOURS[:count])
         with av.open(str(path)) as container:
             assert len(list(container.decode(video=0))) == count
 
@@ -115,7 +115,7 @@ def test_the_shortest_films_are_whole(tmp_path: Path, count: int) -> None:
 def test_odd_sides_repeat_their_last_row_and_column(tmp_path: Path) -> None:
     image = np.zeros((33, 21, 3), np.uint16)
     image[-1], image[:, -1] = 1023, 1023
-    with Video(tmp_path / "a.mp4", 21, 33, 24.0, HDR10) as video:
+    with film(tmp_path / "a.mp4", (21, 33), 24.0, HDR10) as video:
         video.write(image)
     with av.open(str(tmp_path / "a.mp4")) as container:
         luma = next(container.decode(video=0)).to_ndarray()[:34]
@@ -126,10 +126,10 @@ def test_odd_sides_repeat_their_last_row_and_column(tmp_path: Path) -> None:
 
 def test_what_is_no_film_is_refused_and_leaves_nothing(tmp_path: Path) -> None:
     with pytest.raises(FrameError, match="a linear encoding has no film"):
-        Video(tmp_path / "a.mp4", 64, 48, 24.0, Display(encoding=Encoding.LINEAR))
+        film(tmp_path / "a.mp4", (64, 48), 24.0, Display(encoding=Encoding.LINEAR)).__enter__()
     with (
         pytest.raises(FrameError, match=r"a frame of uint8 in a film of uint16: encode it"),
-        Video(tmp_path / "b.mp4", 64, 48, 24.0, HDR10) as video,
+        film(tmp_path / "b.mp4", (64, 48), 24.0, HDR10) as video,
     ):
         video.write(np.zeros((48, 64, 3), np.uint8))
     assert list(tmp_path.iterdir()) == []

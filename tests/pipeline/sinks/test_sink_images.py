@@ -5,7 +5,7 @@ import numpy as np
 import OpenImageIO as oiio
 import pytest
 
-from entoptic.pipeline.frame import FrameError
+from entoptic.errors import OutputError
 from entoptic.pipeline.scenes.image_file import cd_m2_per_unit, read
 from entoptic.pipeline.sinks.images import write_exr, write_png
 
@@ -38,18 +38,18 @@ def test_same_frame_same_bytes(tmp_path: Path) -> None:
 
 
 def test_what_cannot_be_written_is_named(tmp_path: Path) -> None:
-    with pytest.raises(FrameError, match=r"nowhere/a\.png cannot be written.*check its folder"):
+    with pytest.raises(OutputError, match=r"nowhere/a\.png cannot be written.*check its folder"):
         write_png(tmp_path / "nowhere" / "a.png", np.zeros((4, 4, 3), np.uint8))
-    with pytest.raises(FrameError, match=r"nowhere/a\.exr cannot be written.*check its folder"):
+    with pytest.raises(OutputError, match=r"nowhere/a\.exr cannot be written.*check its folder"):
         write_exr(tmp_path / "nowhere" / "a.exr", np.zeros((4, 4, 3), np.float32))
 
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="no /dev/full, which is a disk without space")
 @pytest.mark.parametrize("suffix", ["png", "exr"])
 def test_a_full_disk_is_an_error_and_leaves_nothing(tmp_path: Path, suffix: str) -> None:
-    os.symlink("/dev/full", tmp_path / f"a.partial.{suffix}")
+    os.symlink("/dev/full", tmp_path / f".a.partial.{suffix}")
     noise = np.random.default_rng(0).integers(0, 256, (200, 200, 3), dtype=np.uint8)
     write, image = (write_png, noise) if suffix == "png" else (write_exr, noise.astype(np.float32))
-    with pytest.raises(FrameError, match=rf"a\.{suffix} cannot be written"):
+    with pytest.raises(OutputError, match=rf"a\.{suffix} cannot be written"):
         write(tmp_path / f"a.{suffix}", image)
     assert list(tmp_path.iterdir()) == []

@@ -9,6 +9,7 @@ import av
 import numpy as np
 import pytest
 
+from entoptic.errors import OutputError
 from entoptic.pipeline.frame import Display, Encoding, FrameError
 from entoptic.pipeline.sinks.video_parts import Part, begins_s, join
 
@@ -122,7 +123,7 @@ def test_what_holds_no_frame_is_left_out_and_named(tmp_path: Path) -> None:
 def test_a_part_without_a_frame_vanishes_and_others_say_what_is_wrong(tmp_path: Path) -> None:
     Part(tmp_path / "1.mp4", 50, 34, 24.0, Display(), 0).close()
     assert list(tmp_path.iterdir()) == []
-    with pytest.raises(FrameError, match="cannot be written"):
+    with pytest.raises(OutputError, match="cannot be written"):
         Part(tmp_path / "nowhere" / "1.mp4", 50, 34, 24.0, Display(), 0)
     part = Part(tmp_path / "1.mp4", 50, 34, 24.0, Display(), 5)
     part.write(picture(0, Display()), 5)
