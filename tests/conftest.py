@@ -1,4 +1,6 @@
+import gc
 import os
+import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
@@ -32,3 +34,12 @@ def _logs_end_with_their_test() -> Iterator[None]:
     """A command that ran in a test logs to that test's standard error, which is closed behind it."""
     yield
     structlog.reset_defaults()
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _compiled_code_ends_with_its_module() -> Iterator[None]:
+    """What JAX compiled is kept on disk; in memory it would add up to gigabytes over a worker's modules."""
+    yield
+    if "jax" in sys.modules:
+        sys.modules["jax"].clear_caches()
+        gc.collect()

@@ -86,6 +86,7 @@ def journal(tmp_path: Path) -> Journal:
     return Journal(tmp_path)
 
 
+@pytest.mark.slow
 def test_a_killed_process_is_started_anew_and_the_gap_is_noted(journal: Journal) -> None:
     one = Supervised("bridge", lambda: BRIDGE, "ready", journal)
     one.start()
@@ -107,6 +108,7 @@ def test_a_killed_process_is_started_anew_and_the_gap_is_noted(journal: Journal)
     assert one.state == "stopped"
 
 
+@pytest.mark.slow
 def test_one_that_crashes_again_and_again_is_given_up(journal: Journal) -> None:
     one = Supervised("bridge", lambda: ["bridge", "--source", "nowhere/"], "ready", journal)
     one.start()
@@ -116,6 +118,7 @@ def test_one_that_crashes_again_and_again_is_given_up(journal: Journal) -> None:
     assert "nowhere/ does not exist" in one.last_error
 
 
+@pytest.mark.slow
 def test_one_that_does_not_stop_in_time_is_killed(journal: Journal) -> None:
     one = Supervised("bridge", lambda: BRIDGE, "ready", journal)
     one.start()

@@ -20,6 +20,7 @@ from entoptic.tracker_bridge.samples import PupilSample
 from entoptic.tracker_bridge.sources import open_source
 from entoptic.tracker_bridge.wire import Event, EyeState, Phase
 
+pytestmark = pytest.mark.slow
 PATIENCE_S = 90.0
 
 

@@ -131,6 +131,7 @@ def browser(tmp_path: Path, server: PageServer) -> Iterator[Browser]:
     opened.close()
 
 
+@pytest.mark.slow
 @chromium.needs_chromium
 def test_a_browser_shows_the_screens_and_says_when(
     display: SocketDisplay, server: PageServer, browser: Browser
@@ -166,6 +167,7 @@ def test_a_browser_shows_the_screens_and_says_when(
     assert browser.evaluate("document.body.className") == "grey"
 
 
+@pytest.mark.slow
 @chromium.needs_chromium
 def test_a_page_that_goes_away_pauses_and_comes_back(display: SocketDisplay, browser: Browser) -> None:
     eyes = simulated_eyes(1, 40.0, paced=True)

@@ -202,6 +202,7 @@ def frames_and_states(url: str, cookie: str) -> Iterator[tuple[bool, bool]]:
                 yield False, any(one["type"] == "traces" and one["t_s"] for one in json.loads(message))
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(sys.platform == "win32", reason="containers are stopped by SIGTERM, which Windows does not have")
 def test_its_commands_show_the_stand_in_on_the_page_and_end_when_told(machine: Machine) -> None:
     machine.start()

@@ -7,7 +7,7 @@ import pytest
 from console_browser import DESK, PATIENCE_MS, Console, complaints, opened, setting
 from playwright.sync_api import Browser, Page, expect
 
-pytestmark = chromium.needs_chromium
+pytestmark = [pytest.mark.slow, chromium.needs_chromium]
 SIZES = (DESK, (820, 1180), (1180, 820))
 
 

@@ -44,6 +44,7 @@ def test_what_cannot_be_started_is_said_in_one_line(host: LiveHost, choice: Sess
     assert set(host.status()["processes"]) == {"web"}
 
 
+@pytest.mark.slow
 @pytest.mark.timeout(900)
 def test_a_session_goes_on_whatever_is_killed_and_its_take_is_whole(host: LiveHost) -> None:
     assert not host.ask(Record()).done
@@ -130,6 +131,7 @@ def test_status_says_how_it_is(host: LiveHost) -> None:
     assert "nobody answers" in nobody.stderr
 
 
+@pytest.mark.slow
 def test_a_stopped_session_leaves_no_process_and_no_port(host: LiveHost) -> None:
     if host.status()["state"] != "running":
         host.start()
@@ -142,6 +144,7 @@ def test_a_stopped_session_leaves_no_process_and_no_port(host: LiveHost) -> None
     assert not host.ask(StopSession()).done
 
 
+@pytest.mark.slow
 def test_sigterm_ends_all_within_two_seconds_with_whole_files(host: LiveHost) -> None:
     now = host.start()
     assert host.ask(Record("last")).done
@@ -186,6 +189,7 @@ def test_a_killed_host_leaves_no_process_and_its_take_can_be_finished(tmp_path: 
         assert (nobody.returncode, list((tmp_path / "state" / "entoptic" / "hosts").iterdir())) == (1, [])
 
 
+@pytest.mark.slow
 def test_a_host_ends_at_once_while_a_choice_is_being_opened(tmp_path: Path) -> None:
     """One that takes for ever: nobody writes into the pipe."""
     os.mkfifo(tmp_path / "map.toml")

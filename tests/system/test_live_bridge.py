@@ -23,6 +23,7 @@ from entoptic.tracker_bridge.samples import Eye, GazeSample, PupilSample
 from entoptic.tracker_bridge.sources import open_source
 from entoptic.tracker_bridge.sources.pupil_recorder import PupilRecorder
 
+pytestmark = pytest.mark.slow
 PATIENCE_S = 90.0
 LASTS_S = 60
 NS_PER_S = 1_000_000_000

@@ -153,6 +153,7 @@ def wait_for(condition: object, process: subprocess.Popen[str]) -> None:
     pytest.fail("it did not come to that in a minute")
 
 
+@pytest.mark.slow
 def test_ctrl_c_ends_both_processes_and_keeps_whole_files(tmp_path: Path) -> None:
     process = started(tmp_path, "--seconds", "40")
     plan = tmp_path / "out.new" / "plan.csv"

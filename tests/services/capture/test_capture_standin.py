@@ -169,6 +169,7 @@ def test_what_a_client_sends_reaches_all_and_may_be_the_end(tmp_path: Path) -> N
         assert stand_in.ports != (0, 0)
 
 
+@pytest.mark.slow
 def test_a_restart_gives_the_backbone_new_ports_and_an_old_subscriber_nothing(tmp_path: Path) -> None:
     with running(tmp_path, "restart@4s:1s") as (client, stand_in):
         old = client.subscribe("pupil.")
@@ -187,6 +188,7 @@ def test_a_restart_gives_the_backbone_new_ports_and_an_old_subscriber_nothing(tm
         assert not old.poll(0)
 
 
+@pytest.mark.slow
 def test_a_stuck_remote_never_answers_what_it_was_asked_then(tmp_path: Path) -> None:
     with running(tmp_path, "stuck@0s:3s") as (client, _), zmq.Context.instance().socket(zmq.REQ) as remote:
         remote.linger = 0
@@ -198,6 +200,7 @@ def test_a_stuck_remote_never_answers_what_it_was_asked_then(tmp_path: Path) -> 
         assert not remote.poll(QUIET_MS)
 
 
+@pytest.mark.slow
 def test_a_clock_that_is_set_and_eyes_that_fall_silent(tmp_path: Path) -> None:
     with running(tmp_path, "timebase=+1000s@3s", "silence@4s") as (client, _):
         eyes = client.subscribe("pupil.0.2d")
