@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import contextlib
+import logging
 import os
 from collections.abc import Iterator
 from datetime import UTC, datetime
+from logging.handlers import RotatingFileHandler
 from pathlib import Path
-from typing import IO, Any, Final
+from typing import Any, Final
 
 import msgspec
 
@@ -21,6 +23,13 @@ FREQUENT: Final = ("progress",)
 """What a process says at every frame; it stands in plan.csv."""
 
 
+class _Lines(RotatingFileHandler):
+    """Of `logging` the file and its turns alone: what cannot be written is an OSError."""
+
+    def handleError(self, record: logging.LogRecord) -> None:
+        raise
+
+
 class Journal:
     """Both files. A full disk ends what cannot be written and is said in `trouble`; nothing is raised."""
 
@@ -28,23 +37,22 @@ class Journal:
         """`folder` is the state folder's unless given."""
         self.trouble: str | None = None
         self.path = (folder or state_folder() / "log") / f"host-{os.getpid()}.jsonl"
-        self._own: IO[bytes] | None = None
-        self._take: IO[bytes] | None = None
-        with self._named(self.path):
+        self._files: dict[Path, _Lines] = {}
+        self._take = Path()
+        with self._reported(self.path):
             self.path.parent.mkdir(parents=True, exist_ok=True)
             _forget_old(self.path.parent)
-            self._own = self.path.open("wb", buffering=0)
+            self._files[self.path] = _Lines(self.path, maxBytes=MOST_BYTES, backupCount=1, encoding="utf-8")
 
     def begin_take(self, folder: Path) -> None:
         """From now on all is in the take's log.jsonl too."""
-        with self._named(folder / "log.jsonl"):
-            self._take = (folder / "log.jsonl").open("ab", buffering=0)
+        self._take = folder / "log.jsonl"
+        with self._reported(self._take):
+            self._files[self._take] = _Lines(self._take, encoding="utf-8")
 
     def end_take(self) -> None:
         """Its file is whole."""
-        if self._take is not None:
-            self._take.close()
-        self._take = None
+        self._end(self._take)
 
     def say(self, event: str, **more: Any) -> None:
         """A word of the host's own."""
@@ -55,40 +63,32 @@ class Journal:
         """A message of some process's log."""
         if message.get("event") in FREQUENT:
             return
-        line = msgspec.json.encode(message) + b"\n"
-        if self._take is not None:
-            try:
-                self._take.write(line)
-            except OSError as error:
-                self.trouble = f"the take's log.jsonl cannot be written any more: {error.strerror}; make room"
-                self.end_take()
-        if self._own is not None:
-            with self._named(self.path):
-                self._own.write(line)
-                if self._own.tell() > MOST_BYTES:
-                    self._own.close()
-                    self.path.replace(self.path.with_suffix(".old.jsonl"))
-                    self._own = self.path.open("wb", buffering=0)
+        record = logging.makeLogRecord({"msg": msgspec.json.encode(message).decode()})
+        for path, file in list(self._files.items()):
+            with self._reported(path):
+                file.handle(record)
 
     def close(self) -> None:
         """Ends both."""
-        self.end_take()
-        if self._own is not None:
-            self._own.close()
-        self._own = None
+        for path in list(self._files):
+            self._end(path)
+
+    def _end(self, path: Path) -> None:
+        if (file := self._files.pop(path, None)) is not None:
+            with contextlib.suppress(OSError):  # what did not fit on the disk was reported
+                file.close()
 
     @contextlib.contextmanager
-    def _named(self, path: Path) -> Iterator[None]:
+    def _reported(self, path: Path) -> Iterator[None]:
         try:
             yield
         except OSError as error:
             self.trouble = f"the log {path} cannot be written: {error.strerror}; make room, or look at its permissions"
-            if path == self.path:
-                self._own = None
+            self._end(path)
 
 
 def _forget_old(folder: Path) -> None:
-    files = sorted(folder.glob("host-*.jsonl"), key=lambda path: path.stat().st_mtime)
+    files = sorted(folder.glob("host-*.jsonl*"), key=lambda path: path.stat().st_mtime)
     for path in files[: -KEPT_FILES or None]:
         with contextlib.suppress(OSError):
             path.unlink()
