@@ -5,14 +5,12 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import importlib.metadata
-import socket as sockets
 import threading
 import time
 import traceback
 from collections.abc import AsyncIterator, Callable
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
-from typing import cast
 
 import structlog
 import uvicorn
@@ -24,12 +22,11 @@ from starlette.responses import FileResponse, JSONResponse, Response
 from starlette.routing import Mount, Route, WebSocketRoute
 from starlette.staticfiles import StaticFiles
 from starlette.websockets import WebSocket, WebSocketDisconnect
-from uvicorn.protocols.http.h11_impl import H11Protocol
-from uvicorn.protocols.websockets.websockets_sansio_impl import WebSocketsSansIOProtocol
 
 from entoptic.services.calibration.page import Screens
 from entoptic.services.console import protocol, requests
 from entoptic.services.console.actions import Actions, Folders
+from entoptic.services.console.connections import Connections, listen
 from entoptic.services.console.fields import fields
 from entoptic.services.console.listing import PUPIL_MAPS
 from entoptic.services.console.live import Live, Places
@@ -38,7 +35,6 @@ from entoptic.services.console.requests import MAX_REQUEST_BYTES, RequestError
 from entoptic.services.console.security import Door, Rules
 from entoptic.services.console.viewers import Page
 from entoptic.services.results import session_file
-from entoptic.tracker_bridge.publisher import PortInUseError
 
 PAGE = Path(__file__).parent / "page"
 SCREENS_URL = "/screens/"
@@ -47,8 +43,6 @@ FULL = 1013
 REQUEST_S = 0.02
 """From one request of a page to the next at least."""
 MOST_CONNECTIONS = 400
-FIRST_REQUEST_S = 10.0
-"""From a connection to what it asks for."""
 LAST_WORDS_S = 0.15
 """For pages to be told that this is the end."""
 ENDS_WITHIN_S = 0.5
@@ -93,9 +87,9 @@ class Console:
         first += [self.live.settings_message(None), protocol.encode(self.live.status())]
         page.queue([*first, *self.live.kept()])
 
-    async def attend(self, socket: WebSocket) -> None:
-        """One page, from its coming to its going."""
-        page = Page(socket.scope.get("state", {}).get("abort", lambda: None))
+    async def attend(self, socket: WebSocket, cut: Callable[[], None]) -> None:
+        """One page, from its coming to its going; `cut` ends its connection at once."""
+        page = Page(cut)
         await socket.accept()
         if not self.live.viewers.add(page):
             await socket.close(FULL, "Too many pages are open: close some.")
@@ -147,7 +141,7 @@ class _Sessions(StaticFiles):
         return super().lookup_path(path)
 
 
-def app(console: Console, rules: Rules, on_trouble: Callable[[], None]) -> Starlette:
+def app(console: Console, rules: Rules, connections: Connections, on_trouble: Callable[[], None]) -> Starlette:
     """The application, with its door; `on_trouble` is called when nothing feeds the pages any more."""
 
     async def index(request: Request) -> Response:
@@ -166,7 +160,7 @@ def app(console: Console, rules: Rules, on_trouble: Callable[[], None]) -> Starl
         await asyncio.gather(running, return_exceptions=True)
 
     async def live(socket: WebSocket) -> None:
-        await console.attend(socket)
+        await console.attend(socket, lambda: connections.cut(socket.scope["client"]))
 
     return Starlette(
         routes=[
@@ -178,30 +172,9 @@ def app(console: Console, rules: Rules, on_trouble: Callable[[], None]) -> Starl
             Mount("/sessions", _Sessions(directory=console.folders.root, check_dir=False)),
             Mount("/", StaticFiles(directory=PAGE)),
         ],
-        middleware=[Middleware(Door, rules=rules)],
+        middleware=[Middleware(connections.watch), Middleware(Door, rules=rules)],
         lifespan=lifespan,
     )
-
-
-class _Protocol(WebSocketsSansIOProtocol):
-    """Lets a connection be cut whose other end takes nothing: closing it would wait for that for ever."""
-
-    def connection_made(self, transport: asyncio.BaseTransport) -> None:
-        super().connection_made(transport)
-        self.app_state = {**self.app_state, "abort": cast(asyncio.Transport, transport).abort}
-
-
-class _HttpProtocol(H11Protocol):
-    """Cuts a connection that asks for nothing: uvicorn would keep it for ever, one of those that there are."""
-
-    def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
-        super().connection_made(transport)
-        self.loop.call_later(FIRST_REQUEST_S, self._cut_if_silent)
-
-    def _cut_if_silent(self) -> None:
-        # A WebSocket has a protocol of its own by now.
-        if cast(object, self.cycle) is None and self.transport.get_protocol() is self:
-            self.transport.abort()
 
 
 class Server:
@@ -210,12 +183,12 @@ class Server:
     def __init__(self, console: Console, rules: Callable[[int], Rules], host: str, port: int) -> None:
         """`rules` of the port that it is."""
         self._console = console
-        self._socket = _listen(host, port)
+        self._socket = listen(host, port)
         self.port = int(self._socket.getsockname()[1])
         config = uvicorn.Config(
-            app(console, rules(self.port), self._give_up),
-            http=_HttpProtocol,
-            ws=_Protocol,
+            app(console, rules(self.port), self._socket, self._give_up),
+            http="h11",
+            ws="websockets-sansio",
             ws_max_size=MAX_REQUEST_BYTES,
             ws_per_message_deflate=False,  # pictures are compressed, and fifty pages' texts would cost a processor
             h11_max_incomplete_event_size=MAX_REQUEST_BYTES,
@@ -265,19 +238,3 @@ class Server:
         self._console.pool.shutdown(wait=False, cancel_futures=True)
         self._console.live.close()
         self._socket.close()
-
-
-def _listen(host: str, port: int) -> sockets.socket:
-    family = sockets.AF_INET6 if ":" in host else sockets.AF_INET
-    listening = sockets.socket(family, sockets.SOCK_STREAM)
-    listening.setsockopt(sockets.SOL_SOCKET, sockets.SO_REUSEADDR, 1)
-    try:
-        listening.bind((host, port))
-        # From here on a browser that is too early waits and is not refused.
-        listening.listen(128)
-    except OSError as error:
-        listening.close()
-        raise PortInUseError(
-            f"cannot serve the console on {host}:{port}: {error.strerror}; choose another --port, or 0 for any"
-        ) from None
-    return listening
