@@ -20,9 +20,9 @@ export function watchCalibration(connection) {
   const map_mm = make("input", { type: "checkbox", id: "calibration-map" });
   const name = make("input", { type: "text", id: "calibration-name", pattern: "[A-Za-z0-9][A-Za-z0-9_\\-]*", maxlength: 64, placeholder: "the time" });
   const begin = make("button", { id: "calibration-begin", class: "main", onclick: start }, "Begin and open the screens");
-  const stop = make("button", { id: "calibration-stop", onclick: end, disabled: true }, "Break off");
+  const stop = make("button", { id: "calibration-stop", "data-ask": "stop calibrating pupils", disabled: true }, "Break off");
   const open = make("a", { id: "calibration-screens", target: "entoptic-screens" }, "Open the screens again");
-  const go = make("button", { id: "calibration-go", onclick: begun, disabled: true }, "Start the screens");
+  const go = make("button", { id: "calibration-go", "data-ask": "start screens", disabled: true }, "Start the screens");
   const stage = make("span", { id: "calibration-stage", role: "status" }), left = make("span", { id: "calibration-left" });
   const bar = make("progress", { id: "calibration-bar", max: 1, value: 0, "aria-label": "Progress of the calibration" });
   const result = make("section", { id: "calibration-result", "aria-label": "Result" });
@@ -49,10 +49,6 @@ export function watchCalibration(connection) {
     say(reply);
     if (!done) setText(stage, reply);
   }
-
-  async function begun() { say((await connection.ask("start screens")).reply); }
-
-  async function end() { say((await connection.ask("stop calibrating pupils")).reply); }
 
   function show() {
     const busy = calibrating !== null;

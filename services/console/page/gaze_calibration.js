@@ -1,6 +1,5 @@
 // What the tracker does by itself: gaze calibration and a recording of its own, started, stopped and followed from here.
 import { make } from "./make.js";
-import { say } from "./say.js";
 
 const TASKS = [
   ["Gaze, by the tracker", "calibrate gaze", "stop calibrating gaze", "gaze"],
@@ -11,7 +10,7 @@ const KEPT = 6;
 // A section for the panel.
 export function gaze(connection) {
   const said = make("ul", { id: "tracker-said", "aria-live": "polite" });
-  const button = (text, request, id) => make("button", { id, onclick: async () => say((await connection.ask(request)).reply) }, text);
+  const button = (text, request, id) => make("button", { id, "data-ask": request }, text);
   connection.on("marks", ({ marks }) => {
     for (const mark of marks) {
       if (mark.what !== "tracker task" && mark.what !== "tracker status") continue;

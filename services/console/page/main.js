@@ -8,6 +8,7 @@ import { listenForKeys } from "./keys.js";
 import { byId } from "./make.js";
 import { watchPlan } from "./plan.js";
 import { watchProblems } from "./problems.js";
+import { say } from "./say.js";
 import { sessionForm } from "./session.js";
 import { watchSettings } from "./settings.js";
 import { makeTabs } from "./tabs.js";
@@ -24,6 +25,11 @@ makeTabs();
 const controls = watchControls(connection, sessionForm(connection));
 const calibration = watchCalibration(connection);
 byId("calibrate").addEventListener("click", calibration.open);
+// A button that only asks names its request; what is replied is said.
+document.addEventListener("click", async ({ target }) => {
+  const request = target.closest("button[data-ask]")?.dataset.ask;
+  if (request) say((await connection.ask(request)).reply);
+});
 listenForKeys({
   s: ["start or stop the session", controls.startOrStopByKey],
   r: ["begin or end a take", controls.recordOrNot],
