@@ -137,10 +137,10 @@ class Whole(Bare):
         self.addresses = self.publisher.addresses[:1]
 
     def send(self, state: EyeState) -> None:
-        self.publisher.publish_state(state, wait=False, stopped=never)
+        self.publisher.publish_state(state)
 
     def beat(self) -> None:
-        self.publisher.publish_event(Heartbeat(0, 0, 0), wait=False, stopped=never)
+        self.publisher.publish_event(Heartbeat(0, 0, 0))
 
     def close(self) -> None:
         self.publisher.close()
@@ -157,7 +157,7 @@ def measure(bridge: Bare, reader: Callable[..., None] | None, client: ClientKeys
         if reader is greedy:
             assert isinstance(bridge, Whole)
             for _ in range(5000):
-                bridge.publisher.publish_event(wire.BlinkOnset(0, wire.Eye.LEFT), wait=False, stopped=never)
+                bridge.publisher.publish_event(wire.BlinkOnset(0, wire.Eye.LEFT))
             others.enter_context(running(greedy, bridge.publisher.replay_address, meanwhile=pause))
         elif reader is not None:
             others.enter_context(running(reader, bridge.addresses[0], meanwhile=pause))

@@ -23,12 +23,12 @@ from pathlib import Path
 from typing import Any
 
 import zmq
+from entoptic.services.live.arguments import bridge_arguments, worker_arguments
+from entoptic.services.live.choice import SessionChoice
 
 from entoptic.services.live import messages
 from entoptic.services.live.addresses import free_addresses
-from entoptic.services.live.arguments import bridge_arguments, worker_arguments
 from entoptic.services.live.children import Child
-from entoptic.services.live.choice import SessionChoice
 from entoptic.services.live.messages import SHOWN, Shown
 from entoptic.services.psf import observer_file
 from entoptic.services.settings import Settings

@@ -3,9 +3,7 @@
 Theory of operation: an event that does not follow the last one, or a heartbeat that says there were more, shows a gap.
 Until it is closed, what comes by the socket is only noted for its number, since the replay has it too. Nothing here
 waits for the replay: a request is out or its answer is in. A reader that comes late has a gap from the first event on,
-and so learns how the stream began. Two sockets keep no order between them: a reader of another one that wants all the
-events from before what it read there asks the replay for what comes next, since the bridge keeps an event before it
-publishes anything that comes after. Events that cannot be had again, because the bridge keeps them no more or does not
+and so learns how the stream began. Events that cannot be had again, because the bridge keeps them no more or does not
 answer, or because they cannot be read, are counted as lost.
 """
 
@@ -14,14 +12,13 @@ from __future__ import annotations
 import collections
 import dataclasses
 import time
-from collections.abc import Callable
 
 import zmq
 
 from entoptic.tracker_bridge import wire
 from entoptic.tracker_bridge.access import ClientKeys
 from entoptic.tracker_bridge.publisher import KEEPALIVE
-from entoptic.tracker_bridge.wire import Event, Heartbeat, NumberedEvent, StreamEnded
+from entoptic.tracker_bridge.wire import Event, Heartbeat, NumberedEvent
 
 ANSWER_WITHIN_S = 2.0
 """Engineering choice: ten times what a busy machine needs."""
@@ -60,10 +57,6 @@ class EventFeed:
         self._read_event = wire.Reader(wire.decode_event)
         self._read_answer = wire.Reader(wire.decode_answer)
         self._stream: _Stream | None = None
-        self._wants_all = False
-        """Whether the bridge is still to say that there are no more events."""
-        self.given_up = 0
-        """How often the bridge was asked in vain."""
         self.heard_s: float | None = None
         """When the bridge last said anything here, by `time.monotonic`."""
         self.gaps = 0
@@ -109,25 +102,6 @@ class EventFeed:
         self._ask_for_missing()
         return events
 
-    def read_published(self, stopped: Callable[[], bool]) -> list[Event] | None:
-        """All events that the bridge published before this call, save for those given before.
-
-        Asks the bridge, and waits for its answer: a round trip. None where it does not answer.
-        """
-        if self._stream is None:
-            return self.read()
-        given_up = self.given_up
-        # A request that is out already asks for events that are known: its answer is not the one that says no more.
-        self._wants_all = True
-        self._ask_for_missing()
-        events: list[Event] = []
-        while self._wants_all and not stopped():
-            events += self.read(wait_ms=50)
-            if events and isinstance(events[-1], StreamEnded):
-                break  # there is no more, and perhaps nobody to ask
-        self._wants_all = False
-        return None if self.given_up > given_up else events
-
     def _poll(self, wait_ms: int) -> dict[zmq.Socket[bytes], int]:
         poller = zmq.Poller()
         poller.register(self._socket, zmq.POLLIN)
@@ -165,7 +139,7 @@ class EventFeed:
     def _ask_for_missing(self) -> None:
         """Sends a request unless one is out; gives a gap up after some without an answer."""
         stream = self._stream
-        if stream is None or (stream.known <= stream.last and not self._wants_all):
+        if stream is None or stream.known <= stream.last:
             return
         if stream.asked_s is not None:
             if time.monotonic() - stream.asked_s < ANSWER_WITHIN_S:
@@ -174,8 +148,6 @@ class EventFeed:
         if stream.attempts >= ATTEMPTS:
             self.lost += stream.known - stream.last
             stream.last, stream.attempts, stream.asked_s = stream.known, 0, None
-            self.given_up += 1
-            self._wants_all = False
             self._close_requests()
             return
         if self._requests is None:
@@ -191,11 +163,9 @@ class EventFeed:
         assert self._requests is not None
         assert self._stream is not None
         stream, before = self._stream, self._stream.last
-        is_all = False
         match self._read_answer.read(self._requests.recv()):
             case wire.Replayed(messages):
                 events = self._replayed(messages)
-                is_all = not messages and stream.known <= stream.last
             case wire.EventsGone(oldest, first):
                 events = self._replayed((first,))
                 self.lost += max(oldest - 1 - stream.last, 0)
@@ -203,8 +173,7 @@ class EventFeed:
             case _:
                 events = []
         # An answer that is of no use is as good as none.
-        stream.attempts, stream.asked_s = 0 if is_all or stream.last > before else stream.attempts + 1, None
-        self._wants_all = self._wants_all and not is_all
+        stream.attempts, stream.asked_s = 0 if stream.last > before else stream.attempts + 1, None
         self._ask_for_missing()
         return events
 

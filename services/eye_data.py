@@ -6,11 +6,12 @@ import time
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-import msgspec
+from msgspec.structs import replace
+
+from entoptic.services.config import EyesConfig, SourceConfig
 
 if TYPE_CHECKING:
     from entoptic.tracker_bridge.source import Source
-    from entoptic.tracker_bridge.sources import TrackerSettings
 
 SIMULATED_SECONDS = 4.8
 """How long a simulated recording is unless told otherwise."""
@@ -21,35 +22,41 @@ ROOM_CD_M2 = 10.0
 
 
 def open_eyes(
-    spec: str,
-    table_map: Path | None,
-    seconds: float | None,
-    seed: int,
-    luminance: str | None,
-    tracker: TrackerSettings | None = None,
+    eyes: SourceConfig,
+    seconds: float | None = None,
+    luminance: str | None = None,
+    *,
+    record_raw: str | None = None,
+    begun_ns: int | None = None,
 ) -> Source:
-    """The source that `spec` names; `seconds`, `seed` and `luminance` are for simulated eyes. Raises SourceError."""
+    """The source that `eyes` names; `seconds` and `luminance` are for simulated ones.
+
+    `record_raw`, `begun_ns`: as of BridgeConfig. Raises SourceError.
+    """
     from entoptic.tracker_bridge.source import SourceError
-    from entoptic.tracker_bridge.sources import SIMULATED, USB_SIMULATED, open_source
+    from entoptic.tracker_bridge.sources import SIMULATED, USB_SIMULATED, TrackerSettings, open_source
     from entoptic.tracker_bridge.sources.simulated import SimulatedSettings
 
-    simulated = SimulatedSettings(seconds=seconds or SIMULATED_SECONDS, seed=seed)
+    simulated = SimulatedSettings(seconds=seconds or SIMULATED_SECONDS, seed=eyes.seed)
     if luminance is not None:
-        if spec.removeprefix(USB_SIMULATED) != SIMULATED:
-            raise SourceError(f"{spec} has pupils that no luminance drives: leave it out, or name {SIMULATED}")
+        if eyes.source.removeprefix(USB_SIMULATED) != SIMULATED:
+            raise SourceError(f"{eyes.source} has pupils that no luminance drives: leave it out, or name {SIMULATED}")
         from entoptic.services import simulated_light
 
-        simulated = msgspec.structs.replace(simulated, luminance=simulated_light.read(luminance))
-    return open_source(spec, table_map=table_map, simulated=simulated, tracker=tracker)
+        simulated = replace(simulated, luminance=simulated_light.read(luminance))
+    tracker = TrackerSettings(
+        remote=eyes.remote,
+        usb_id=eyes.usb_id,
+        usb_faults=eyes.usb_faults if isinstance(eyes, EyesConfig) else (),
+        usb_begun_ns=begun_ns,
+        record_raw=None if record_raw is None else Path(record_raw),
+    )
+    table_map = None if eyes.table_map is None else Path(eyes.table_map)
+    return open_source(eyes.source, table_map=table_map, simulated=simulated, tracker=tracker)
 
 
 def open_live_eyes(
-    spec: str,
-    table_map: Path | None,
-    seed: int,
-    luminance: str | None,
-    tracker: TrackerSettings,
-    begun_ns: int | None,
+    eyes: EyesConfig, luminance: str | None, *, record_raw: str | None = None, begun_ns: int | None = None
 ) -> Source:
     """The same as a live source, whatever it is: simulated eyes have no end, a recording is played by the clock.
 
@@ -60,14 +67,12 @@ def open_live_eyes(
     from entoptic.tracker_bridge.sources.simulated import SimulatedSettings
     from entoptic.tracker_bridge.sources.simulated_endless import EndlessEyes
 
-    if spec == SIMULATED and table_map is None:
+    if eyes.source == SIMULATED and eyes.table_map is None:
         from entoptic.services import simulated_light
 
         light = ((0.0, ROOM_CD_M2),) if luminance is None else simulated_light.read(luminance)
-        return EndlessEyes(
-            SimulatedSettings(seed=seed, luminance=light), time.monotonic_ns() if begun_ns is None else begun_ns
-        )
-    seconds = LONG_SECONDS if spec == USB_SIMULATED + SIMULATED else None
-    tracker = msgspec.structs.replace(tracker, usb_begun_ns=begun_ns)
-    source = open_eyes(spec, table_map, seconds, seed, luminance, tracker)
+        settings = SimulatedSettings(seed=eyes.seed, luminance=light)
+        return EndlessEyes(settings, time.monotonic_ns() if begun_ns is None else begun_ns)
+    seconds = LONG_SECONDS if eyes.source == USB_SIMULATED + SIMULATED else None
+    source = open_eyes(eyes, seconds, luminance, record_raw=record_raw, begun_ns=begun_ns)
     return source if source.info.live else Played(source, time.monotonic_ns() if begun_ns is None else begun_ns)

@@ -1,4 +1,4 @@
-"""The worker's ear: a bridge's states, read losslessly by recorded time or always at the newest, and its events."""
+"""The worker's ear: a bridge's newest state, and its events."""
 
 from __future__ import annotations
 
@@ -13,14 +13,9 @@ from entoptic.errors import EntopticError
 from entoptic.services.event_feed import EventFeed
 from entoptic.tracker_bridge import wire
 from entoptic.tracker_bridge.access import ClientKeys
-from entoptic.tracker_bridge.chain import PATIENCE_NS
 from entoptic.tracker_bridge.publisher import KEEPALIVE
 from entoptic.tracker_bridge.wire import Event, EyeState, SaccadeOffset, StreamEnded, StreamStarted
 
-SILENCE_S = 10.0
-"""A bridge that is silent for as long is taken for gone: ten heartbeats."""
-TAIL_S = 2.0
-"""After the end of a stream was announced its last states are there or lost: they left before."""
 REFUSALS = 3
 """Connections cut off while keys are exchanged, after which the keys are taken to be wrong: one may be a bridge that is
 just ending."""
@@ -38,28 +33,22 @@ class BridgeSilentError(ReaderError):
     """Nothing comes from the bridge."""
 
 
-class BridgeRestartedError(ReaderError):
-    """Another bridge took the place of the one that was read losslessly."""
-
-
 class ShutOutError(ReaderError):
     """The bridge does not let this reader in."""
 
 
 class StateReader:
-    """All that a bridge says. `newest_only` keeps one state at most (CONFLATE), for a reader paced by the clock.
+    """All that a bridge says; of its states the newest one, for a reader paced by the clock.
 
     What it missed it counts: `skipped` states, and of the `events` their `gaps` and how many were `lost`.
     """
 
-    def __init__(
-        self, states_address: str, events_address: str, *, newest_only: bool, keys: ClientKeys | None = None
-    ) -> None:
+    def __init__(self, states_address: str, events_address: str, *, keys: ClientKeys | None = None) -> None:
         self._context: zmq.Context[zmq.Socket[bytes]] = zmq.Context()
         self._addresses = f"{states_address} and {events_address}"
         self._states = self._context.socket(zmq.SUB)
         self._states.setsockopt(zmq.LINGER, 0)
-        self._states.setsockopt(zmq.CONFLATE, int(newest_only))
+        self._states.setsockopt(zmq.CONFLATE, 1)
         for option, value in KEEPALIVE:
             self._states.setsockopt(option, value)
         if keys is not None:
@@ -85,13 +74,9 @@ class StateReader:
         self.received = 0
         """States read so far."""
         self.skipped = 0
-        """States that were published between the first and the last one read and were not read: by intent with
-        `newest_only`, lost otherwise."""
+        """States that were published between the first and the last one read and were not read."""
         self._position = 0
         """How far the stream is read: the number of the next state."""
-        self._streams = 0
-        self._ahead: collections.deque[EyeState] = collections.deque()
-        """States that are read and were not asked for yet."""
         self._saccades: collections.deque[SaccadeOffset] = collections.deque(maxlen=MAX_SACCADES)
         self._heard_s = time.monotonic()
 
@@ -138,61 +123,6 @@ class StateReader:
                     "keys/NAME), or has none itself"
                 )
 
-    def until(self, t_ns: int, stopped: Callable[[], bool]) -> EyeState | None:
-        """The newest state no younger than `t_ns`, of a stream read losslessly; None if there is none.
-
-        Waits until a younger one has come, or the stream has ended and all of it is read.
-        """
-        self._read_ahead(t_ns, stopped)
-        newest: EyeState | None = None
-        while self._ahead and self._ahead[0].t_ns <= t_ns:
-            newest = self._ahead.popleft()
-        return newest
-
-    def _read_ahead(self, t_ns: int, stopped: Callable[[], bool]) -> None:
-        """Reads states until one younger than `t_ns` has come, or the stream has ended and all of it is read."""
-        idle_since = time.monotonic()
-        while not stopped() and not (self._ahead and self._ahead[-1].t_ns > t_ns):
-            if self.ended is not None and self._position >= self.ended.state_count:
-                break
-            if self._states.poll(50):
-                state = self._take()
-                if state is not None:
-                    self._ahead.append(state)
-                idle_since = time.monotonic()
-                continue
-            self._read_events()
-            if self._streams > 1:
-                raise BridgeRestartedError(
-                    f"the bridge at {self._addresses} was started anew in mid-stream: start this reader anew too"
-                )
-            if self.ended is not None and time.monotonic() - idle_since > TAIL_S:
-                self.skipped += max(self.ended.state_count - self._position, 0)
-                self._position = max(self._position, self.ended.state_count)
-                break
-            if self.silent_s > SILENCE_S and time.monotonic() - idle_since > SILENCE_S:
-                raise BridgeSilentError(f"nothing from {self._addresses} for {SILENCE_S:g} s, in mid-stream")
-
-    def saccades_until(self, t_ns: int, stopped: Callable[[], bool]) -> tuple[SaccadeOffset, ...]:
-        """The saccades told no later than `t_ns`, each once, of a stream read losslessly: always the same ones.
-
-        An event may be told by PATIENCE_NS late; so the states are read ahead by as much, and then the bridge is asked
-        for all events that it published before the last of them. Raises BridgeSilentError if it does not answer.
-        """
-        self._read_ahead(t_ns + PATIENCE_NS, stopped)
-        if self.ended is None:
-            events = self.events.read_published(stopped)
-            if events is None:
-                raise BridgeSilentError(
-                    f"the bridge at {self._addresses} does not answer who asks for its events: see that it runs and "
-                    "that its replay port is open to this machine, or switch ocular_dynamics.vitreous off, which "
-                    "needs them"
-                )
-            self._note(events)
-        told = tuple(saccade for saccade in self._saccades if saccade.t_ns <= t_ns)
-        self._saccades = collections.deque((s for s in self._saccades if s.t_ns > t_ns), MAX_SACCADES)
-        return told
-
     def saccades_heard(self) -> tuple[SaccadeOffset, ...]:
         """The saccades that have come since the last call, late ones too. Does not wait."""
         heard = tuple(self._saccades)
@@ -231,7 +161,6 @@ class StateReader:
         for event in events:
             if isinstance(event, StreamStarted):
                 self.started, self.ended = event, None
-                self._streams += 1
             elif isinstance(event, StreamEnded):
                 self.ended = event
             elif isinstance(event, SaccadeOffset):

@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
+import difflib
 import enum
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 import msgspec
 
 from entoptic.errors import EntopticError
 from entoptic.pipeline import Display, Effects, Observer, Planning
 from entoptic.pipeline.plan import LEAVABLE
+from entoptic.services.config import SettingsConfig
+from entoptic.services.records import leaves
 
 _PLACE = re.compile(r"`\$\.([\w.]+)")
 """How msgspec says where in a file it is."""
@@ -29,12 +33,12 @@ class Settings(Effects, frozen=True, forbid_unknown_fields=True):
     plan: Planning = Planning()
 
 
-def load(path: Path | None) -> Settings:
+def load(path: str | Path | None) -> Settings:
     """The settings in a TOML file, or the defaults. Raises SettingsError."""
     if path is None:
         return Settings()
     try:
-        return msgspec.toml.decode(path.read_bytes(), type=Settings)
+        return msgspec.toml.decode(Path(path).read_bytes(), type=Settings)
     except OSError as error:
         raise SettingsError(f"settings file {path}: {error.strerror}; give the path of a TOML file") from None
     except (msgspec.DecodeError, UnicodeDecodeError) as error:
@@ -58,18 +62,55 @@ def _may_hold(error: str) -> str:
     return f"[{'.'.join(names)}] may hold {keys}" if names else f"Its tables may be {keys}"
 
 
-def planned(settings: Settings, budget_ms: float | None, everything: bool, without: Sequence[str]) -> Settings:
-    """The settings with what the command line says of planning. Raises SettingsError for an effect that is none."""
-    given = {
+def of(config: SettingsConfig, own: Settings | None = None) -> Settings:
+    """The settings of a command line: its file's, or its subject's `own`, with what it says beside.
+
+    Raises SettingsError.
+    """
+    settings = own if own is not None and config.file is None else load(config.file)
+    try:
+        settings = changed(settings, dict(_change(text) for text in config.changes))
+    except ValueError as error:
+        raise SettingsError(f"--set: {error}") from None
+    given: dict[str, Any] = {
         # Of what excludes each other, the command line's counts; unless it says both.
-        **({} if budget_ms is None else {"budget_ms": budget_ms, "everything": everything}),
-        **({"everything": True, "budget_ms": budget_ms} if everything else {}),
-        **({"leave_out": list(without)} if without else {}),
+        **({} if config.budget_ms is None else {"budget_ms": config.budget_ms, "everything": config.everything}),
+        **({"everything": True, "budget_ms": config.budget_ms} if config.everything else {}),
+        **({"leave_out": config.without} if config.without else {}),
     }
     try:
-        plan = msgspec.convert({**msgspec.to_builtins(settings.plan), **given}, Planning)
-    except msgspec.ValidationError as error:
+        return changed(settings, {f"plan.{name}": value for name, value in given.items()})
+    except ValueError as error:
         raise SettingsError(
             f"--budget-ms, --everything, --without: {error}; effects are {', '.join(LEAVABLE)}"
         ) from None
-    return msgspec.structs.replace(settings, plan=plan)
+
+
+def changed(settings: Settings, changes: Mapping[str, Any], *, from_defaults: bool = False) -> Settings:
+    """Settings with some changed, by their paths. Raises ValueError that names the field and its range."""
+    values = {} if from_defaults else msgspec.to_builtins(settings)
+    known = {leaf.path for leaf in leaves(Settings)}
+    for path, value in changes.items():
+        if path not in known:
+            near = difflib.get_close_matches(path, known, 1)
+            raise ValueError(f"there is no setting {path!r}" + (f"; is it {near[0]}?" if near else ""))
+        *tables, name = path.split(".")
+        table = values
+        for each in tables:
+            table = table.setdefault(each, {})
+        table[name] = value
+    try:
+        return msgspec.convert(values, Settings)
+    except msgspec.ValidationError as error:
+        raise ValueError(str(error).replace("`$.", "`")) from None
+
+
+def _change(text: str) -> tuple[str, Any]:
+    """Raises ValueError."""
+    path, equals, value = text.partition("=")
+    if not equals:
+        raise ValueError(f"{text!r} is no setting: give it like observer.age_years=60")
+    try:
+        return path.strip(), msgspec.toml.decode(f"value = {value}")["value"]
+    except (msgspec.DecodeError, UnicodeDecodeError):
+        return path.strip(), value.strip()  # a word, which TOML would have in quotes

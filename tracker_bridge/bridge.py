@@ -22,7 +22,6 @@ def run(
     chain: Chain,
     publisher: Publisher,
     *,
-    real_time: bool,
     seconds: float | None,
     stopped: Callable[[], bool],
     on_item: Callable[[Item], None] = lambda item: None,
@@ -31,10 +30,9 @@ def run(
 ) -> int:
     """Publishes a source until it ends, `seconds` of it are over or `stopped` says so; returns the count of states.
 
-    A live source's states go out as they are made. A recording's in real time go out when their recorded time has
-    come; otherwise as fast as the slowest reader takes them, and nobody misses one. `on_item` sees every item before
-    the chain does, `on_record` every state and event that is published, `between` is called between items, and at least
-    every 100 ms where the bridge does not wait for a reader.
+    A live source's states go out as they are made, a recording's when their recorded time has come. `on_item` sees
+    every item before the chain does, `on_record` every state and event that is published, `between` is called between
+    items, and at least every 100 ms.
     """
     info = source.info
     live = info.live
@@ -43,7 +41,6 @@ def run(
     end_ns = min((end for end in ends_ns if end is not None), default=None)
     # A live sample may say any time: only the clock ends a live stream, or its source does.
     until_ns = ends_ns[1] if live else end_ns
-    wait = not (real_time or live)
     count, t_ns, beat_s = 0, start_ns, -HEARTBEAT_S
 
     def publish(record: EyeState | Event) -> None:
@@ -53,9 +50,9 @@ def run(
         on_record(record)
         if isinstance(record, EyeState):
             count += 1
-            publisher.publish_state(record, wait=wait, stopped=stopped, sent_ns=time.monotonic_ns() if live else None)
+            publisher.publish_state(record, sent_ns=time.monotonic_ns() if live else None)
         else:
-            publisher.publish_event(record, wait=wait, stopped=stopped)
+            publisher.publish_event(record)
 
     def attend() -> None:
         nonlocal beat_s
@@ -63,7 +60,7 @@ def run(
         now_s = time.monotonic()
         if now_s - beat_s >= HEARTBEAT_S:
             beat_s = now_s
-            publisher.publish_event(Heartbeat(t_ns, count, chain.late_count), wait=False, stopped=stopped)
+            publisher.publish_event(Heartbeat(t_ns, count, chain.late_count))
 
     publish(StreamStarted(start_ns, end_ns, info.name))
     with contextlib.closing(_items(source)) as items:
@@ -71,7 +68,7 @@ def run(
             attend()
             if stopped() or (until_ns is not None and (time.monotonic_ns() if live else item.t_ns) > until_ns):
                 break
-            if real_time and not live:
+            if not live:
                 _sleep_until(begun_ns + item.t_ns - start_ns, stopped, attend)
             on_item(item)
             for record in chain.step(item):

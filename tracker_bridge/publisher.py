@@ -1,10 +1,10 @@
 """The sockets by which states and events leave the bridge, for any number of readers of any speed.
 
-Theory of operation: three sockets, of which two publish. Where the bridge may wait (a recording, read as fast as its
-slowest reader takes it) nothing is lost: XPUB with NODROP refuses a message while any reader's queue is full. Where it
-may not wait (live), a reader whose queue is full goes without, and nobody else notices; the numbers show it what it
-missed. Every event is also kept in a ring (replay.py), and a thread of its own answers readers that ask for those they
-missed, whatever the bridge's thread waits for; it sleeps in the kernel otherwise. The same thread says who may come in.
+Theory of operation: three sockets, of which two publish. The bridge waits for no reader: one whose queue is full goes
+without, and nobody else notices; the numbers show it what it missed. XPUB with NODROP says that a queue has become
+full, so that it can be counted. Every event is also kept in a ring (replay.py), and a thread of its own answers readers
+that ask for those they missed, whatever the bridge's thread does; it sleeps in the kernel otherwise. The same thread
+says who may come in.
 
 Memory: the ring's 17 MB; for a reader that has stalled SEND_QUEUE messages of a socket, which are 0.5 MB of states; for
 one that asks without reading ANSWER_QUEUE answers, 0.1 MB; beside what the kernel buffers for a connection.
@@ -14,8 +14,6 @@ from __future__ import annotations
 
 import secrets
 import threading
-import time
-from collections.abc import Callable
 
 import zmq
 
@@ -32,8 +30,6 @@ ANSWER_QUEUE = 4
 """Answers kept for each asker: they are long, and who asks again without reading needs no more."""
 MAX_REQUEST_BYTES = 1024
 """Nobody has more to say to the bridge; a connection that sends a longer message is closed."""
-RETRY_S = 0.002
-"""How often a full queue is looked at. Not polled: XPUB says at all times that it can be written to."""
 HEARTBEAT_S = 1.0
 LINGER_MS, LIVE_LINGER_MS = 2000, 300
 """What is queued at the end has so long to leave; what is live is old by then."""
@@ -45,8 +41,6 @@ KEEPALIVE = (
 )
 """A machine that vanished without a word is given up after 30 s. Asked by the kernels, so that a reader which has only
 stalled is not taken for gone."""
-
-Stopped = Callable[[], bool]
 
 
 class PortInUseError(EntopticError):
@@ -99,8 +93,6 @@ class Publisher:
         self._subscribed: dict[zmq.Socket[bytes], int] = {self._states: 0, self._events: 0}
         self._ring = replay.EventRing()
         self._stream = secrets.randbits(53)  # fits a double, for languages that know no other number
-        self._heartbeat: Heartbeat | None = None
-        self._beat_s = 0.0
         self.stalls = 0
         """How often a reader fell behind by a whole queue, so that messages are left out for it."""
         self._clerk = threading.Thread(target=self._serve, args=(replies, keys), name="replay", daemon=True)
@@ -151,78 +143,32 @@ class Publisher:
         """How many have subscribed to the states, as of the last heartbeat."""
         return self._subscribed[self._states]
 
-    def wait_for_reader(self, stopped: Stopped) -> None:
-        """Returns once somebody has subscribed to both sockets, or when `stopped` says so."""
-        self._wait_until(lambda: all(self._subscribed.values()), stopped)
+    def publish_state(self, state: EyeState, *, sent_ns: int | None = None) -> None:
+        """Sends a state to all that have room. `sent_ns`: now, for readers of a live stream."""
+        self._send(self._states, wire.encode_state(state, sent_ns))
 
-    def wait_until_left(self, stopped: Stopped) -> None:
-        """Returns once nobody is subscribed to the states, or when `stopped` says so.
-
-        After a stream whose readers were waited for: what they have not read yet is lost when the sockets close.
-        """
-        self._wait_until(lambda: not self._subscribed[self._states], stopped)
-
-    def publish_state(self, state: EyeState, *, wait: bool, stopped: Stopped, sent_ns: int | None = None) -> None:
-        """Sends a state: to all, once they have room (`wait`), or at once to those that have.
-
-        `sent_ns`: now, for readers of a live stream.
-        """
-        self._send(self._states, wire.encode_state(state, sent_ns), wait, stopped)
-
-    def publish_event(self, event: Event, *, wait: bool, stopped: Stopped) -> None:
+    def publish_event(self, event: Event) -> None:
         """Numbers, keeps and sends an event, as `publish_state` does. A heartbeat takes no number and is not kept."""
         self._note_readers()
         if isinstance(event, Heartbeat):
-            self._heartbeat = event
-            self._beat(event)
+            self._send(self._events, self._encode(event, self._ring.last))
             return
         message = self._encode(event, self._ring.last + 1)
         self._ring.add(message)
-        self._send(self._events, message, wait, stopped)
+        self._send(self._events, message)
 
     def _encode(self, event: Event, sequence: int) -> bytes:
         return wire.encode_event(event, stream=self._stream, sequence=sequence, replay_port=self._replay_port)
 
-    def _beat(self, heartbeat: Heartbeat) -> None:
-        self._beat_s = time.monotonic()
-        self._send(self._events, self._encode(heartbeat, self._ring.last), False, lambda: False)
-
-    def _send(self, socket: zmq.Socket[bytes], message: bytes, wait: bool, stopped: Stopped) -> None:
-        while True:
-            try:
-                socket.send(message, zmq.DONTWAIT)
-                return
-            except zmq.Again:
-                if not wait:
-                    self._send_to_those_with_room(socket, message)
-                    return
-            if stopped():
-                return
-            self._beat_while_waiting()
-            self._note_readers()
-            time.sleep(RETRY_S)
-
-    def _send_to_those_with_room(self, socket: zmq.Socket[bytes], message: bytes) -> None:
-        """From here on libzmq passes over the full queues by itself, until they are read again."""
-        self.stalls += 1
-        socket.setsockopt(zmq.XPUB_NODROP, 0)
-        socket.send(message, zmq.DONTWAIT)
-        socket.setsockopt(zmq.XPUB_NODROP, 1)
-
-    def _beat_while_waiting(self) -> None:
-        """Fast readers shall not take the bridge for dead while it waits for a slow one."""
-        if self._heartbeat is not None and time.monotonic() - self._beat_s > HEARTBEAT_S:
-            self._beat(self._heartbeat)
-
-    def _wait_until(self, condition: Callable[[], bool], stopped: Stopped) -> None:
-        poller = zmq.Poller()
-        for socket in self._subscribed:
-            poller.register(socket, zmq.POLLIN)
-        self._note_readers()
-        while not condition() and not stopped():
-            poller.poll(100)
-            self._note_readers()
-            self._beat_while_waiting()
+    def _send(self, socket: zmq.Socket[bytes], message: bytes) -> None:
+        try:
+            socket.send(message, zmq.DONTWAIT)
+        except zmq.Again:
+            # From here on libzmq passes over the full queues by itself, until they are read again.
+            self.stalls += 1
+            socket.setsockopt(zmq.XPUB_NODROP, 0)
+            socket.send(message, zmq.DONTWAIT)
+            socket.setsockopt(zmq.XPUB_NODROP, 1)
 
     def _note_readers(self) -> None:
         """Takes in who came and went: libzmq would keep it in memory for ever."""

@@ -15,11 +15,11 @@ from rich.markup import escape
 from rich.progress import BarColumn, Progress, TaskID, TextColumn, TimeRemainingColumn
 from rich.table import Table
 
+from entoptic.services.command_line import options
+from entoptic.services.config import SourceConfig
 from entoptic.services.eye_data import open_eyes
-from entoptic.services.options import Remote, Seed, TableMap, UsbId
 from entoptic.services.process import Stop
 from entoptic.services.terminal import console
-from entoptic.tracker_bridge.sources.pupil_remote import DEFAULT_REMOTE
 
 if TYPE_CHECKING:
     from entoptic.services.calibration.result import Attempt
@@ -50,11 +50,9 @@ class CalibratedEyes(enum.StrEnum):
     RIGHT = "right"
 
 
+@options
 def calibrate(
-    source: Annotated[str, typer.Option(help="Eye data, as --source of [b]entoptic bridge[/b].")] = "simulated",
-    table_map: TableMap = None,
-    remote: Remote = DEFAULT_REMOTE,
-    usb_id: UsbId = None,
+    source: SourceConfig,
     out: Annotated[Path, typer.Option(help="The pupil map to write; its plot lies beside it.")] = Path("pupil.toml"),
     protocol: Annotated[
         ProtocolName, typer.Option(help="White, black, white, medians; or the thesis's black, white, means.")
@@ -82,7 +80,6 @@ def calibrate(
     keep_failed: Annotated[
         bool, typer.Option("--keep-failed", help="Write the plot of a failed run, as NAME.failed.png.")
     ] = False,
-    seed: Seed = 0,
     white_cd_m2: Annotated[
         float, typer.Option(min=0.01, max=1e5, help="The white screen's light, for simulated eyes.")
     ] = 200.0,
@@ -97,7 +94,7 @@ def calibrate(
     from entoptic.services.calibration.display import Display, NoDisplay, SocketDisplay
     from entoptic.tracker_bridge.calibration import CalibrationError
     from entoptic.tracker_bridge.source import Source
-    from entoptic.tracker_bridge.sources import SIMULATED, TrackerSettings
+    from entoptic.tracker_bridge.sources import SIMULATED
     from entoptic.tracker_bridge.sources.simulated_live import SimulatedLiveEyes
 
     # All input is looked at before anybody has to look at anything.
@@ -105,19 +102,19 @@ def calibrate(
     results.refuse_unwritable(out)
     if keys is not None and (fast or display is DisplayKind.BROWSER):
         raise CalibrationError("--keys are for a display program on another machine: add --display socket")
-    simulated = source == SIMULATED
+    simulated = source.source == SIMULATED
     if fast and not simulated:
         raise CalibrationError("--fast is for simulated eyes: a person's pupils take their time; leave it out")
     opened: Source
     if simulated:
-        if table_map is not None:
+        if source.table_map is not None:
             raise CalibrationError("simulated eyes take no --map: leave it out, or name a table as --source")
         # Nobody pauses where nobody looks.
         seconds = repeats * (chosen.seconds + 1.0) if fast else calibrates.LONGEST_S
         room_cd_m2 = white_cd_m2 * calibrates.GREY_SHARE
-        opened = calibrates.simulated_eyes(seed, room_cd_m2, paced=not fast, seconds=seconds)
+        opened = calibrates.simulated_eyes(source.seed, room_cd_m2, paced=not fast, seconds=seconds)
     else:
-        opened = open_eyes(source, table_map, None, seed, None, TrackerSettings(remote=remote, usb_id=usb_id))
+        opened = open_eyes(source)
     for note in opened.info.notes:
         console.print(f"• {escape(note)}")
     wanted, ids = calibrates.eyes_of(eyes.value), itertools.count(1)

@@ -7,10 +7,12 @@ from typing import Annotated
 
 import typer
 
-from entoptic.services.options import Child, Seed, TableMap
+from entoptic.services.command_line import options
+from entoptic.services.config import Seed, TableMap
 from entoptic.services.process import process
 
 
+@options
 def capture(
     eyes: Annotated[
         str,
@@ -35,7 +37,7 @@ def capture(
         ),
     ] = None,
     recordings: Annotated[Path, typer.Option(help="Where recordings go that clients ask for.")] = Path("recordings"),
-    child: Child = False,
+    child: Annotated[bool, typer.Option(hidden=True)] = False,
 ) -> None:
     """Stand in for Pupil Capture: its network API, with recorded or simulated eyes."""
     import msgspec
@@ -51,7 +53,9 @@ def capture(
         simulated = SimulatedSettings(seed=seed)
         if luminance is not None:
             simulated = msgspec.structs.replace(simulated, luminance=simulated_light.read(luminance))
-        playback = open_playback(eyes, simulated=simulated, table_map=table_map, loop=loop)
+        playback = open_playback(
+            eyes, simulated=simulated, table_map=None if table_map is None else Path(table_map), loop=loop
+        )
         settings = StandInSettings(port, recordings, host=host, seed=seed, faults=planned, seconds=seconds)
         StandIn(playback, settings, log).run(stop)
         log.info("ended")

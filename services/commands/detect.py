@@ -8,11 +8,13 @@ from typing import Annotated
 import typer
 from rich.markup import escape
 
+from entoptic.services.command_line import options
+from entoptic.services.config import SourceConfig, TableMap
 from entoptic.services.eye_data import open_eyes
-from entoptic.services.options import TableMap
 from entoptic.services.terminal import console
 
 
+@options
 def detect(
     recording: Annotated[
         str,
@@ -37,7 +39,7 @@ def detect(
     from entoptic.tracker_bridge.source import SourceError
 
     labelled = None if labels is None else detection.read_labels(labels)
-    source = open_eyes(recording, table_map, None, 0, None)
+    source = open_eyes(SourceConfig(source=recording, table_map=table_map))
     if source.info.live:
         raise SourceError(f"{recording} is live and does not end: record it first, then name the recording")
     found = detection.detect(source)

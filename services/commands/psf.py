@@ -8,11 +8,13 @@ from typing import Annotated
 import typer
 from rich.markup import escape
 
-from entoptic.services.options import SettingsFile
+from entoptic.services.command_line import options
+from entoptic.services.config import SettingsFile
 from entoptic.services.process import prepare_jax
 from entoptic.services.terminal import console
 
 
+@options
 def psf(
     out: Annotated[Path, typer.Option(help="Folder for the results.")] = Path("psf"),
     pupil_mm: Annotated[float, typer.Option(min=2, max=8, help="Pupil diameter.")] = 5.0,

@@ -8,11 +8,13 @@ from typing import Annotated
 import typer
 from rich.markup import escape
 
+from entoptic.services.command_line import options
+from entoptic.services.config import Seed, SourceConfig
 from entoptic.services.eye_data import open_eyes
-from entoptic.services.options import Seed
 from entoptic.services.terminal import console
 
 
+@options
 def simulate(
     out: Annotated[Path, typer.Option(help="Folder to write: a Pupil recording, and truth.csv beside it.")],
     seconds: Annotated[float, typer.Option(min=0.1, max=3600, help="How long.")] = 30.0,
@@ -23,7 +25,7 @@ def simulate(
     from entoptic.tracker_bridge.sources.pupil_writer import write_recording
     from entoptic.tracker_bridge.sources.simulated import SimulatedEyes
 
-    source = open_eyes("simulated", None, seconds, seed, luminance)
+    source = open_eyes(SourceConfig(seed=seed), seconds, luminance)
     assert isinstance(source, SimulatedEyes)
     write_recording(source, out)
     source.write_truth_csv(out / "truth.csv")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import msgspec
@@ -10,13 +11,15 @@ import typer
 from rich.markup import escape
 from rich.table import Table
 
-from entoptic.services.options import ClientKeysFolder
+from entoptic.services.command_line import options
+from entoptic.services.config import ReaderKeys
 from entoptic.services.terminal import console
 
 if TYPE_CHECKING:
     from entoptic.services.live.status import Found
 
 
+@options
 def status(
     addresses: Annotated[
         list[str],
@@ -26,13 +29,13 @@ def status(
         ),
     ] = [],  # noqa: B006 - typer copies it
     as_json: Annotated[bool, typer.Option("--json", help="All that is known, for programs.")] = False,
-    keys: ClientKeysFolder = None,
+    keys: ReaderKeys = None,
 ) -> None:
     """Say how running sessions or processes are; exit status 0 if all is well, 1 if something is wrong."""
     from entoptic.services import keys as key_files
     from entoptic.services.live import status as statuses
 
-    client = None if keys is None else key_files.load_client(keys)
+    client = None if keys is None else key_files.load_client(Path(keys))
     found = [statuses.process(address, client) for address in addresses] if addresses else statuses.hosts()
     if as_json:
         told = [{**msgspec.to_builtins(one), "wrong": one.wrong} for one in found]
@@ -60,8 +63,8 @@ def _print(found: Found) -> None:
 def _of_host(found: Found) -> Iterator[tuple[str, str]]:
     said, shown = found.said, found.shown
     yield "host", f"process {said['pid']}, {found.address}, {said.get('state', 'silent')}"
-    if (choice := said.get("choice")) is not None:
-        yield "session", f"{choice['source']} before {choice['scene']}, since {said['started']}"
+    if (config := said.get("config")) is not None:
+        yield "session", f"{config['eyes']['source']} viewing {config['view']['scene']}, since {said['started']}"
     bridge = said.get("figures", {}).get("bridge", {})
     if bridge.get("rate_hz") is not None:
         yield "eyes", f"{bridge['rate_hz']:.0f} Hz, {bridge.get('late_samples', 0)} late samples"

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import enum
+from pathlib import Path
 from typing import Annotated
 
 import typer
 from rich.markup import escape
 
-from entoptic.services.options import ClientKeysFolder
+from entoptic.services.command_line import options
+from entoptic.services.config import ReaderKeys
 from entoptic.services.terminal import console
 
 
@@ -21,11 +23,12 @@ class Task(enum.StrEnum):
     STOP_CALIBRATION = "stop calibration"
 
 
+@options
 def tell(
     address: Annotated[str, typer.Argument(help="What the bridge logs as [b]control[/b].")],
     task: Annotated[Task, typer.Argument(help="What the tracker is to do.")],
     name: Annotated[str, typer.Option(help="What a recording is to be called.")] = "",
-    keys: ClientKeysFolder = None,
+    keys: ReaderKeys = None,
 ) -> None:
     """Have a bridge's tracker start or stop a recording, or its own gaze calibration."""
     import msgspec
@@ -38,5 +41,5 @@ def tell(
         raise typer.BadParameter("only a recording that starts is given a name", param_hint="--name")
     wish = {"do": task.value} | ({"name": name} if name else {})
     request = msgspec.convert(wish, TrackerRequest)
-    client = None if keys is None else key_files.load_client(keys)
+    client = None if keys is None else key_files.load_client(Path(keys))
     console.print(escape(control.tell(address, request, client).reply))

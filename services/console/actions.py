@@ -15,7 +15,6 @@ from msgspec.structs import replace
 from entoptic.errors import EntopticError
 from entoptic.services.calibration.page import Screens
 from entoptic.services.console import listing, requests
-from entoptic.services.console.fields import changed
 from entoptic.services.console.live import Live
 from entoptic.services.console.protocol import PERCEIVED, Replied
 from entoptic.services.console.viewers import Page
@@ -23,7 +22,7 @@ from entoptic.services.control import PATIENCE_MS
 from entoptic.services.live import requests as asked
 from entoptic.services.live.addresses import Addresses
 from entoptic.services.psf import observer_file
-from entoptic.services.settings import Settings
+from entoptic.services.settings import Settings, changed
 from entoptic.tracker_bridge.access import ClientKeys
 
 HOST_PATIENCE_MS = 15_000
@@ -121,10 +120,7 @@ class Actions:
 
     async def _start(self, request: requests.Start) -> Replied:
         settings = self._live.settings
-        if request.choice.settings:
-            settings = msgspec.convert(request.choice.settings, Settings)
-        choice = replace(request.choice, settings=msgspec.to_builtins(settings))
-        replied = await self._host(asked.StartSession(choice))
+        replied = await self._host(asked.StartSession(replace(request.config, settings=settings)))
         if replied.done:
             self._live.begins(settings)
         return replied

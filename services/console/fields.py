@@ -1,22 +1,18 @@
-"""Settings as things to move: sliders, switches and choices, read from the records' own ranges and docstrings."""
+"""The console's forms: what settings and a session's parts are to move, made of their records."""
 
 from __future__ import annotations
 
-import ast
 import enum
 import functools
-import inspect
-import itertools
 import math
-import textwrap
-from collections.abc import Iterator
-from typing import Any
+from typing import Final
 
 import msgspec
-from msgspec import inspect as types
 
 from entoptic.pipeline.plan import LEAVABLE
+from entoptic.services.config import EyesConfig, ViewConfig
 from entoptic.services.console.protocol import Field
+from entoptic.services.records import Leaf, leaves, options_of
 from entoptic.services.settings import Settings
 
 FIRST = (
@@ -43,6 +39,7 @@ SLIDERS = {
 }
 """Engineering choice: what people try, where all that is allowed is far more."""
 _UNITS = {"years": "years", "mm": "mm", "d": "dpt", "deg": "°", "m2": "cd/m²", "ms": "ms", "values": "code values"}
+_KINDS: Final = {float: "number", int: "int", bool: "bool", str: "text"}
 _SLIDER_STEPS = 200
 _LOG_RATIO = 30.0
 """From the lowest value to the highest: beyond it a linear slider has no room for the small ones."""
@@ -51,90 +48,54 @@ _LOG_RATIO = 30.0
 @functools.cache
 def fields() -> tuple[Field, ...]:
     """All settings, those to show first first."""
-    found = {field.path: field for field in _of(Settings, "", "")}
+    found = {leaf.path: _field(leaf, leaf.path, _group(leaf.path)) for leaf in leaves(Settings)}
     first = [found.pop(path) for path in FIRST]
     return (*(msgspec.structs.replace(field, first=True) for field in first), *found.values())
 
 
-def changed(settings: Settings, changes: dict[str, Any], *, from_defaults: bool = False) -> Settings:
-    """Settings with some changed, by their fields' paths. Raises ValueError that names the field and its range."""
-    values: dict[str, Any] = {} if from_defaults else msgspec.to_builtins(settings)
-    known = {field.path for field in fields()}
-    for path, value in changes.items():
-        if path not in known:
-            raise ValueError(f"there is no setting {path!r}")
-        *tables, name = path.split(".")
-        table = values
-        for each in tables:
-            table = table.setdefault(each, {})
-        table[name] = value
-    try:
-        return msgspec.convert(values, Settings)
-    except msgspec.ValidationError as error:
-        raise ValueError(str(error).replace("`$.", "`")) from None
+@functools.cache
+def session_fields() -> tuple[Field, ...]:
+    """What a session is made of beside its settings, by paths in a SessionConfig; those to show first first."""
+    found = [
+        _field(leaf, f"{part}.{leaf.path}", "More")
+        for part, record in (("eyes", EyesConfig), ("view", ViewConfig))
+        for leaf in leaves(record)
+    ]
+    return tuple(sorted(found, key=lambda field: not field.first))
 
 
-def _of(record: type[msgspec.Struct], path: str, group: str) -> Iterator[Field]:
-    sentences = _sentences(record)
-    described = types.type_info(record)
-    assert isinstance(described, types.StructType)
-    values = record()
-    for field in described.fields:
-        where = f"{path}.{field.name}" if path else field.name
-        if isinstance(field.type, types.StructType):
-            title = field.name.replace("_", " ").capitalize()
-            yield from _of(field.type.cls, where, f"{group}: {field.name}" if group else title)
-        else:
-            default = msgspec.to_builtins(getattr(values, field.name))
-            yield _field(where, group, field.type, default, sentences.get(field.name, ""))
+def _group(path: str) -> str:
+    title, *inner = path.split(".")[:-1]
+    return ": ".join((title.replace("_", " ").capitalize(), *inner))
 
 
-def _field(path: str, group: str, kind: types.Type, default: Any, sentence: str) -> Field:
-    label = _label(path.rpartition(".")[2])
-    optional = False
-    if isinstance(kind, types.UnionType):
-        (kind,) = (one for one in kind.types if not isinstance(one, types.NoneType))
-        optional = True
-    match kind:
-        case types.FloatType() | types.IntType():
-            whole = isinstance(kind, types.IntType)
-            low, low_open, high = _range(kind, whole)
-            start, end = SLIDERS.get(path, (low, high))
-            return Field(
-                path,
-                group,
-                label,
-                "int" if whole else "number",
-                default,
-                sentence,
-                low=low,
-                high=high,
-                low_open=low_open,
-                slider=SLIDERS.get(path),
-                step=1 if whole else _step(start, end),
-                log=start is not None and end is not None and start > 0 and end >= _LOG_RATIO * start,
-                optional=optional,
-            )
-        case types.BoolType():
-            return Field(path, group, label, "bool", default, sentence)
-        case types.EnumType():
-            return Field(path, group, label, "choice", default, sentence, options=_options(kind.cls))
-        case types.FrozenSetType():
-            options = tuple((effect.value, "") for effect in LEAVABLE)
-            return Field(path, group, label, "choices", sorted(default), sentence, options=options)
-        case types.StrType():
-            return Field(path, group, label, "text", default, sentence)
-    raise TypeError(f"{path}: nothing to move for {kind}")
-
-
-def _range(kind: types.FloatType | types.IntType, whole: bool) -> tuple[float | None, bool, float | None]:
-    """The lowest value, whether it is itself too low, and the highest one."""
-    low, high, low_open = kind.ge, kind.le, False
-    if low is None and kind.gt is not None:
-        low, low_open = (kind.gt + 1, False) if whole else (kind.gt, True)
-    if high is None and kind.lt is not None:
-        high = kind.lt - 1 if whole else math.nextafter(kind.lt, -math.inf)
-    return low, low_open, high
+def _field(leaf: Leaf, path: str, group: str) -> Field:
+    if issubclass(leaf.kind, enum.Enum):
+        kind, options = "choices" if leaf.many else "choice", options_of(leaf.kind)
+        # Of all effects, some cannot be left out.
+        options = tuple(one for one in options if leaf.name != "leave_out" or one[0] in LEAVABLE)
+    else:
+        kind, options = "texts" if leaf.many else _KINDS[leaf.kind], ()
+    start, end = SLIDERS.get(path, (leaf.low, leaf.high))
+    number = leaf.kind in (int, float)
+    return Field(
+        path,
+        group,
+        leaf.title or _label(leaf.name),
+        kind,  # type: ignore[arg-type]
+        leaf.default,
+        leaf.description,
+        first=bool(leaf.extra.get("first")),
+        low=leaf.low,
+        high=leaf.high,
+        low_open=leaf.low_open,
+        slider=SLIDERS.get(path),
+        step=1 if leaf.kind is int else _step(start, end) if number else None,
+        log=start is not None and end is not None and start > 0 and end >= _LOG_RATIO * start,
+        optional=leaf.optional,
+        options=options,
+        list=leaf.extra.get("list"),
+    )
 
 
 def _label(name: str) -> str:
@@ -154,33 +115,3 @@ def _step(low: float | None, high: float | None) -> float | None:
     raw = (high - low) / _SLIDER_STEPS
     power = 10.0 ** math.floor(math.log10(raw))
     return round(power * max(factor for factor in (1, 2, 5) if factor * power <= raw), 12)
-
-
-def _options(kind: type[enum.Enum]) -> tuple[tuple[str, str], ...]:
-    sentences = _sentences(kind)
-    return tuple((str(member.value), sentences.get(member.name, "")) for member in kind)
-
-
-@functools.cache
-def _sentences(record: type) -> dict[str, str]:
-    """The string under each field or member, as this project writes them; Python itself does not keep those."""
-    try:
-        tree = ast.parse(textwrap.dedent(inspect.getsource(record)))
-    except (OSError, SyntaxError):
-        return {}
-    (body,) = (node.body for node in tree.body if isinstance(node, ast.ClassDef))
-    sentences = {}
-    for field, below in itertools.pairwise(body):
-        name = _name_of(field)
-        if name and isinstance(below, ast.Expr) and isinstance(below.value, ast.Constant):
-            sentences[name] = " ".join(str(below.value.value).split())
-    return sentences
-
-
-def _name_of(statement: ast.stmt) -> str | None:
-    target: ast.expr | None = None
-    if isinstance(statement, ast.AnnAssign):
-        target = statement.target
-    elif isinstance(statement, ast.Assign) and len(statement.targets) == 1:
-        target = statement.targets[0]
-    return target.id if isinstance(target, ast.Name) else None

@@ -173,8 +173,8 @@ class Live:
         if self._session is None or self._session[0] != began:
             self._session = began, time.monotonic()
             self._knows_settings, self._own_begins = self._own_begins, False
-            if not self._knows_settings and host is not None and host.choice is not None:
-                self._adopt(host.choice.get("settings"))
+            if not self._knows_settings and host is not None and host.config is not None:
+                self._adopt(host.config.get("settings"))
         # What a worker said before may be of the session before.
         if self._worker.heard_s > self._session[1]:
             self._hear_worker(self._worker.data)
@@ -241,16 +241,16 @@ class Live:
         """For the pages."""
         now = self.snapshot()
         host, bridge, worker = now.host, now.bridge or BridgeSays(), now.worker or WorkerSays()
-        choice = host.choice if host is not None else None
+        config = host.config if host is not None and host.config is not None else {}
         figures, shown = self._figures, self._figures.shown if now.running and now.worker is not None else None
         folder = host.folder if host is not None else shown.take if shown is not None else None
         take = self._take_now(name_of(folder))
         return Status(
             running=now.running and (now.bridge is not None or now.worker is not None or host is not None),
             preparing=now.worker is not None and worker.preparing,
-            source=bridge.source or (choice or {}).get("source"),
-            scene=worker.scene or (choice or {}).get("scene"),
-            choice=choice,
+            source=bridge.source or config.get("eyes", {}).get("source"),
+            scene=worker.scene or config.get("view", {}).get("scene"),
+            config=config or None,
             started=host.started if host is not None else None,
             sample_rate_hz=bridge.rate_hz,
             states_hz=figures.states_hz(time.monotonic()),

@@ -55,8 +55,8 @@ class Field(msgspec.Struct, frozen=True):
     """Heading: Observer, Display, Plan, Glare …"""
     label: str
     """For a person, with its unit."""
-    kind: Literal["number", "int", "bool", "choice", "choices", "text"]
-    """`choices`: any number of `options`, a list of strings."""
+    kind: Literal["number", "int", "bool", "choice", "choices", "text", "texts"]
+    """`choices`: any number of `options`, a list of strings; `texts`: any number of strings."""
     default: Any
     help: str
     """A sentence; may be empty."""
@@ -77,12 +77,16 @@ class Field(msgspec.Struct, frozen=True):
     """Whether null, for none, is allowed."""
     options: tuple[tuple[str, str], ...] = ()
     """Of a choice: each value, and a sentence on it that may be empty."""
+    list: Literal["sources", "scenes", "pupil maps"] | None = None
+    """What there is to choose from, of requests.List; another text may be given too."""
 
 
 class Fields(_Message, frozen=True, tag="fields"):
     """All settings, those to show first first. Once a connection."""
 
     fields: tuple[Field, ...]
+    session: tuple[Field, ...]
+    """What a session is made of beside its settings; paths are those of a SessionConfig."""
 
 
 class SettingsNow(_Message, frozen=True, tag="settings"):
@@ -219,8 +223,8 @@ class Status(_Message, frozen=True, tag="status"):
     """Whether the worker still compiles: no frames yet."""
     source: str | None
     scene: str | None
-    choice: dict[str, Any] | None
-    """The SessionChoice that it was started with; null where this is not known."""
+    config: dict[str, Any] | None
+    """The SessionConfig that it was started with; null where this is not known."""
     started: str | None
     """ISO time."""
     sample_rate_hz: float | None
@@ -288,7 +292,7 @@ class Listed(msgspec.Struct, frozen=True):
     """One thing of a list."""
 
     value: str
-    """What a request names it by: of scenes and sources for a SessionChoice."""
+    """What a request names it by: of scenes and sources for a SessionConfig."""
     label: str
     """For a person."""
     when: str | None = None

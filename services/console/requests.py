@@ -6,7 +6,7 @@ from typing import Annotated, Any, Final, Literal
 
 import msgspec
 
-from entoptic.services.live.choice import SessionChoice
+from entoptic.services.session_config import SessionConfig
 
 MAX_REQUEST_BYTES: Final = 65_536
 """A page that sends a longer message is disconnected (close code 1009)."""
@@ -30,10 +30,9 @@ class Watch(_Request, frozen=True, tag="watch"):
 
 
 class Start(_Request, frozen=True, tag="start"):
-    """A session is to begin, with the settings in force unless the choice has some. A running one is to be stopped
-    first. Hosted only."""
+    """A session is to begin, with the settings in force. A running one is to be stopped first. Hosted only."""
 
-    choice: SessionChoice
+    config: SessionConfig
 
 
 class Stop(_Request, frozen=True, tag="stop"):
@@ -57,7 +56,7 @@ class CalibratePupils(_Request, frozen=True, tag="calibrate pupils"):
     """
 
     name: TakeName = ""
-    """Of the pupil map; the time unless given. Reply data: {"pupil_map": path}, for a later SessionChoice."""
+    """Of the pupil map; the time unless given. Reply data: {"pupil_map": path}, for a later SessionConfig."""
     protocol: Literal["robust", "luidolt"] = "robust"
     white_s: Annotated[float, msgspec.Meta(ge=1.0, le=120.0)] | None = None
     black_s: Annotated[float, msgspec.Meta(ge=1.0, le=120.0)] | None = None

@@ -27,7 +27,7 @@ from entoptic.services.calibration.page import Screens
 from entoptic.services.console import protocol, requests
 from entoptic.services.console.actions import Actions, Folders
 from entoptic.services.console.connections import Connections, listen
-from entoptic.services.console.fields import fields
+from entoptic.services.console.fields import fields, session_fields
 from entoptic.services.console.listing import PUPIL_MAPS
 from entoptic.services.console.live import Live, Places
 from entoptic.services.console.protocol import Fields, Hello, Replied
@@ -83,7 +83,7 @@ class Console:
         """What a page is sent first."""
         program = importlib.metadata.version("entoptic")
         hello = Hello(protocol.VERSION, program, self.live.hosted, SCREENS_URL)
-        first = [protocol.encode(one) for one in (hello, Fields(fields()))]
+        first = [protocol.encode(one) for one in (hello, Fields(fields(), session_fields()))]
         first += [self.live.settings_message(None), protocol.encode(self.live.status())]
         page.queue([*first, *self.live.kept()])
 

@@ -36,7 +36,7 @@ class HostSays(msgspec.Struct, frozen=True):
 
     running: bool = False
     state: str | None = None
-    choice: dict[str, Any] | None = None
+    config: dict[str, Any] | None = None
     started: str | None = None
     folder: str | None = None
     finishing: str | None = None

@@ -6,7 +6,7 @@ import csv
 import dataclasses
 import json
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +16,7 @@ import numpy as np
 from entoptic.pipeline import EyePose, Frame, FrameError, Light, Perceived, Planning, RenderState, View, perceive
 from entoptic.pipeline.budget import CostModel
 from entoptic.pipeline.scenes import Head, image_file, open_scene
+from entoptic.services.config import StillConfig
 from entoptic.services.settings import Settings
 from entoptic.tracker_bridge.wire import Eye
 
@@ -53,27 +54,42 @@ class Subject:
         )
 
 
-def from_image(
-    image: str,
-    settings: Settings,
-    looking: EyePose,
-    adapted_cd_m2: float | None,
-    fov_deg: float,
-    mean_luminance_cd_m2: float | None,
-    size_px: tuple[int | None, int | None],
-    lights: tuple[Light, ...],
-) -> Subject:
-    """An image, or the first frame of a scene, before one eye. Raises FrameError."""
-    scene = open_scene(image, mean_luminance_cd_m2=mean_luminance_cd_m2)
-    frame = scene.frame(0.0, scene.view_for(*size_px, fov_deg), Head(), (Eye.LEFT,))
+def from_image(image: str, still: StillConfig, settings: Settings) -> Subject:
+    """An image, or the first frame of a scene, before one eye. Raises FrameError for what cannot be seen or read."""
+    lights = tuple(_light(text) for text in still.lights)
+    pose = EyePose(*_direction(still.gaze), still.pupil_mm)
+    scene = open_scene(image, mean_luminance_cd_m2=still.mean_luminance_cd_m2)
+    frame = scene.frame(0.0, scene.view_for(still.width_px, still.height_px, still.fov_deg), Head(), (Eye.LEFT,))
     return Subject(
         scene.name,
         dataclasses.replace(frame, lights=lights),
-        (looking,),
+        (pose,),
         settings,
-        None if adapted_cd_m2 is None else (adapted_cd_m2,),
+        None if still.adaptation is None else (still.adaptation,),
         notes=tuple(scene.notes),
     )
+
+
+def _light(text: str) -> Light:
+    parts = text.split(",")
+    given = [*parts, *["D65", "0"][max(len(parts) - 3, 0) :]]
+    try:
+        azimuth, elevation, illuminance, spectrum, radius = given
+        azimuth_deg, elevation_deg, illuminance_lx, radius_deg = map(float, (azimuth, elevation, illuminance, radius))
+    except ValueError:
+        raise FrameError(
+            f"--light {text!r} is no light: give direction, illuminance, spectrum and radius, like 5,-2,0.3,LED-B3,0.1"
+        ) from None
+    return Light(azimuth_deg, elevation_deg, illuminance_lx, radius_deg, spectrum)
+
+
+def _direction(text: str) -> tuple[float, float]:
+    """Azimuth and elevation in degrees."""
+    try:
+        azimuth_deg, elevation_deg = (float(part) for part in text.split(","))
+    except ValueError:
+        raise FrameError(f"--gaze {text!r} is no direction: give two angles in degrees, like 5,-2") from None
+    return azimuth_deg, elevation_deg
 
 
 def is_session(target: str) -> bool:
@@ -81,11 +97,13 @@ def is_session(target: str) -> bool:
     return (Path(target) / PLAN).is_file()
 
 
-def from_session(folder: Path, frame_number: int | None, settings: Settings | None) -> Subject:
+def from_session(
+    folder: Path, frame_number: int | None, settings: Callable[[Settings], Settings] = lambda own: own
+) -> Subject:
     """A key frame of a session: the one nearest to `frame_number`, the middle one unless given.
 
-    Adapted luminance, pupils and gaze are those of that frame; settings those of the session unless given. Raises
-    FrameError where the folder lacks something.
+    Adapted luminance, pupils and gaze are those of that frame; settings are those of the session, as `settings` changes
+    them. Raises FrameError where the folder lacks something.
     """
     number = _key_frame(folder, frame_number)
     summary = _json(folder / "summary.json")
@@ -100,7 +118,7 @@ def from_session(folder: Path, frame_number: int | None, settings: Settings | No
     images = np.stack(np.split(image_file.read(path).rgb, len(eyes), axis=2))
     frame = Frame.from_rgb(images, fov_deg)
     try:
-        used = settings or msgspec.convert(summary.get("perception", {}), Settings)
+        used = settings(msgspec.convert(summary.get("perception", {}), Settings))
     except msgspec.ValidationError as error:
         raise FrameError(f"{folder / 'summary.json'}: {error}; give --settings") from None
     return Subject(

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import os
-import sys
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -12,24 +10,24 @@ import zmq
 from rich.console import Console
 from rich.markup import escape
 
-from entoptic.services.live.checked import Checked
 from entoptic.services.live.host import Host
 from entoptic.services.live.messages import Shown
 from entoptic.services.live.on_terminal import OnTerminal
 from entoptic.services.live.takes import PARTIAL, REPORT, refuse
 from entoptic.services.live.watching import Watching
 from entoptic.services.live.web import Web
-from entoptic.services.process import INTERRUPTED, Stop
+from entoptic.services.process import INTERRUPTED, Stop, leave
+from entoptic.services.session_config import OpenedSession
 
 
-def session(checked: Checked, final: Path, web: Web | None, stop: Stop, console: Console) -> int:
+def session(opened: OpenedSession, final: Path, web: Web | None, stop: Stop, console: Console) -> int:
     """Runs a live session to its end, with a take from its first frame on; the exit status.
 
     Raises TakeError and ResultsFolderError where that cannot be kept, before anything is started.
     """
     refuse(final)
     with _host(final.parent, web, console) as host:
-        kept = host.begin(checked, record_to=final)
+        kept = host.begin(opened, record_to=final)
         console.print("[dim]Ctrl-C ends it[/dim]")
         _attend(host, stop, console, lambda: host.session is kept)
         if kept.last_folder is not None:
@@ -48,9 +46,9 @@ def session(checked: Checked, final: Path, web: Web | None, stop: Stop, console:
         return INTERRUPTED if stop() else 1 if failed else 0
 
 
-def idle(root: Path, web: Web, stop: Stop, console: Console) -> None:
+def idle(web: Web, stop: Stop, console: Console) -> None:
     """Runs whatever the console asks for, until asked to stop."""
-    with _host(root, web, console) as host:
+    with _host(Path(web.folders.root), web, console) as host:
         _attend(host, stop, console, lambda: True)
         _leave_at_once_if_busy(host, 0)
 
@@ -60,7 +58,11 @@ def _host(root: Path, web: Web | None, console: Console) -> Iterator[Host]:
     settled = None if web is None else web.settled()
     with Host(root, settled) as host:
         if settled is not None:
-            query = "" if settled.token is None or web is None or web.token is not None else f"?token={settled.token}"
+            query = (
+                ""
+                if settled.page.token is None or web is None or web.page.token is not None
+                else f"?token={settled.page.token}"
+            )
             console.print(f"open [b]{settled.url}{query}[/b]", soft_wrap=True)
         yield host
 
@@ -95,6 +97,4 @@ def _leave_at_once_if_busy(host: Host, status: int) -> None:
     """A thread that draws a long report cannot be ended, and would hold this process up."""
     if host.is_busy:
         host.__exit__(None, None, None)
-        sys.stdout.flush()
-        sys.stderr.flush()
-        os._exit(status)
+        leave(status)

@@ -1,7 +1,8 @@
 """One process of a session: started, listened to, asked to stop, and ended by force where it does not.
 
-Theory of operation: a child writes its log to standard error, a JSON object a line, and stops when its standard input
-closes. So it stops too if this process is killed, whatever way; services/process.py is the child's half.
+Theory of operation: what a child is to do goes to it by its standard input, a line of JSON. It writes its log to
+standard error, a JSON object a line, and stops when its standard input closes: so it stops too if this process is
+killed, whatever way. services/child.py is the child's half.
 """
 
 from __future__ import annotations
@@ -13,8 +14,10 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from typing import Any
+
+import msgspec
 
 from entoptic.services.process import STOPS_WITHIN_S
 
@@ -25,14 +28,14 @@ SPOKEN_LINES = 20
 class Child:
     """One process of ours. Not for several threads at once."""
 
-    def __init__(self, name: str, arguments: Sequence[str]) -> None:
-        """`arguments` begin with the command, as of the command line."""
+    def __init__(self, name: str, config: msgspec.Struct) -> None:
+        """`name` is one of services.child.NAMES, `config` the record that goes with it."""
         self.name = name
         self.started_s = time.monotonic()
         self._messages: queue.Queue[dict[str, Any]] = queue.Queue()
         self._spoken: list[str] = []
         self._process = subprocess.Popen(
-            [sys.executable, "-P", "-m", "entoptic", *arguments, "--child"],
+            [sys.executable, "-P", "-m", "entoptic.services.child", name],
             stdin=subprocess.PIPE,
             stderr=subprocess.PIPE,
             stdout=subprocess.DEVNULL,
@@ -43,6 +46,10 @@ class Child:
         )
         self._reader = threading.Thread(target=self._read, name=f"{name}-log", daemon=True)
         self._reader.start()
+        assert self._process.stdin is not None
+        with contextlib.suppress(OSError):  # it ended at once: its exit status says so
+            self._process.stdin.write(msgspec.json.encode(config).decode() + "\n")
+            self._process.stdin.flush()
 
     @property
     def pid(self) -> int:

@@ -22,8 +22,6 @@ import zmq
 
 from entoptic.services.control import Control, Reply
 from entoptic.services.live import registry, takes
-from entoptic.services.live.checked import Checked, check
-from entoptic.services.live.choice import SessionChoice
 from entoptic.services.live.journal import Journal
 from entoptic.services.live.live_session import ENDS_WITHIN_S, LiveSession
 from entoptic.services.live.requests import GiveStatus, HostRequest, Record, StartSession, StopRecord, StopSession
@@ -31,10 +29,11 @@ from entoptic.services.live.supervised import Supervised
 from entoptic.services.live.web import Web
 from entoptic.services.process import Stop
 from entoptic.services.results import session_file
+from entoptic.services.session_config import OpenedSession, SessionConfig, open_session
 
 TURN_MS: Final = 20
 CHECK_ANSWERS_WITHIN_S: Final = 1.2
-"""A choice that takes longer to open is answered before it is known to be good; a request's patience is 2 s."""
+"""A session that takes longer to open is answered before it is known to be good; a request's patience is 2 s."""
 PROCESSES_END_WITHIN_S: Final = 0.9
 """Where the host itself is asked to end."""
 ALL_ENDS_WITHIN_S: Final = 1.8
@@ -66,13 +65,13 @@ class Host:
         self._opened.callback(self._control.close)
         self._scratch = self._register()
         self._work = ThreadPoolExecutor(1, "host-work")
-        self._checking: Future[Checked] | None = None
-        self._checks: list[Future[Checked]] = []
+        self._checking: Future[OpenedSession] | None = None
+        self._checks: list[Future[OpenedSession]] = []
         """That are not over: a check that nobody waits for any more still goes on."""
         self._web: Supervised | None = None
         if web is not None:
-            arguments = functools.partial(web.arguments, self.control, root, self._scratch)
-            self._web = Supervised(WEB, arguments, "ready", self.journal)
+            config = functools.partial(web.config, self.control)
+            self._web = Supervised(WEB, config, "ready", self.journal)
             self._web.start()
         self.journal.say("host", control=self.control, root=str(root), console=self.console_url)
 
@@ -99,7 +98,7 @@ class Host:
         try:
             match request:
                 case StartSession():
-                    return self.start(request.choice)
+                    return self.start(request.config)
                 case StopSession():
                     return self.stop_session()
                 case Record():
@@ -112,14 +111,14 @@ class Host:
             self.journal.say("trouble", error=str(error), kind=type(error).__name__)
             return Reply(False, str(error) or type(error).__name__)
 
-    def start(self, choice: SessionChoice) -> Reply:
-        """Starts a session. Raises what `check` does; where opening all takes long, that is told as trouble later."""
+    def start(self, config: SessionConfig) -> Reply:
+        """Starts a session. Raises what `open_session` does; where that takes long, it is told as trouble later."""
         if self.session is not None and self.session.finishing is not None and self.session.state == "stopping":
             return Reply(False, f"the last session is still finishing {self.session.finishing}: wait a moment")
         if self.session is not None or self._checking is not None:
             return Reply(False, "a session is running: stop it first")
         self.trouble = None
-        self._checking = self._work.submit(check, choice)
+        self._checking = self._work.submit(open_session, config)
         self._checks = [one for one in (*self._checks, self._checking) if not one.done()]
         wait([self._checking], CHECK_ANSWERS_WITHIN_S)
         if self._checking.done():
@@ -135,10 +134,10 @@ class Host:
             self.trouble = str(error) or type(error).__name__
             raise
 
-    def begin(self, checked: Checked, record_to: Path | None = None) -> LiveSession:
+    def begin(self, opened: OpenedSession, record_to: Path | None = None) -> LiveSession:
         """Starts a session, with a take from its first frame on if a folder for it is given."""
-        self.session = LiveSession(checked, self._scratch, self._context, self.journal, self._work)
-        for note in checked.notes:
+        self.session = LiveSession(opened, self._scratch, self._context, self.journal, self._work)
+        for note in opened.notes:
             self.journal.say("note", note=note)
         if record_to is not None:
             self.session.record(record_to)
@@ -209,7 +208,7 @@ class Host:
         return {
             "running": now is not None or self._checking is not None,
             "state": "starting" if self._checking is not None else "idle" if now is None else now.state,
-            "choice": None if now is None else msgspec.to_builtins(now.checked.choice),
+            "config": None if now is None else msgspec.to_builtins(now.opened.config),
             "started": None if now is None else now.started,
             "folder": None if now is None or now.folder is None else str(now.folder),
             "finishing": None if now is None or now.finishing is None else str(now.finishing),

@@ -14,20 +14,21 @@ from concurrent.futures import Future, ThreadPoolExecutor
 from pathlib import Path
 from typing import Any, Final
 
+from msgspec.structs import replace
+
+from entoptic.services.config import BridgeConfig, WorkerLinks
 from entoptic.services.control import Reply
 from entoptic.services.live import takes
 from entoptic.services.live.addresses import free_addresses
-from entoptic.services.live.arguments import bridge_arguments, worker_arguments
 from entoptic.services.live.asking import Asked, Context
-from entoptic.services.live.checked import Checked
 from entoptic.services.live.journal import Journal
 from entoptic.services.live.kept_take import KeptTake
 from entoptic.services.live.requests import GiveStatus
 from entoptic.services.live.supervised import Supervised
 from entoptic.services.live.supervision import Gap
-from entoptic.services.psf import observer_file
 from entoptic.services.results import session_file
 from entoptic.services.results.folder import ResultsFolderError
+from entoptic.services.session_config import OpenedSession, WorkerConfig
 from entoptic.tracker_bridge.sources import SIMULATED
 
 STATUS_EVERY_S: Final = 0.5
@@ -40,10 +41,10 @@ class LiveSession:
     """One session, from its start to its end."""
 
     def __init__(
-        self, checked: Checked, scratch: Path, context: Context, journal: Journal, work: ThreadPoolExecutor
+        self, opened: OpenedSession, scratch: Path, context: Context, journal: Journal, work: ThreadPoolExecutor
     ) -> None:
         """`scratch` is a folder for what is needed while it runs. Raises FrameError where it cannot be written."""
-        self.checked, self.state = checked, "starting"
+        self.opened, self.state = opened, "starting"
         self.started = session_file.now()
         self.begun_ns = time.monotonic_ns()
         self.addresses = free_addresses()
@@ -57,9 +58,8 @@ class LiveSession:
         """What each said of itself last."""
         self._interrupted = False
         self._context, self._journal, self._work = context, journal, work
-        self._settings, self._checkpoint = scratch / "settings.toml", scratch / "worker.checkpoint"
+        self._checkpoint = scratch / "worker.checkpoint"
         self._checkpoint.unlink(missing_ok=True)
-        observer_file.write(self._settings, checked.settings)
         self._source_begun_ns: int | None = None
         self._take: KeptTake | None = None
         self._noted: tuple[Gap, ...] = ()
@@ -69,21 +69,35 @@ class LiveSession:
         self._ask_at_s = 0.0
         self._ends_at_s: float | None = None
         self._do(takes.prepare_report, lambda nothing: None)
-        self.bridge = Supervised(BRIDGE, self._bridge_arguments, "ready", journal, self._on_bridge)
-        self.worker = Supervised(WORKER, self._worker_arguments, "prepared", journal)
+        self.bridge = Supervised(BRIDGE, self._bridge_config, "ready", journal, self._on_bridge)
+        self.worker = Supervised(WORKER, self._worker_config, "prepared", journal)
         self.processes = (self.bridge, self.worker)
         self.worker.start()
-        if checked.source.info.live or checked.choice.source == SIMULATED:
+        if opened.source.info.live or opened.config.eyes.source == SIMULATED:
             self.bridge.start()
 
-    def _bridge_arguments(self) -> list[str]:
-        newest = self.figures[BRIDGE].get("pupil_map") or self.checked.choice.pupil_map
-        return bridge_arguments(self.checked.choice, self.addresses, begun_ns=self._source_begun_ns, pupil_map=newest)
-
-    def _worker_arguments(self) -> list[str]:
-        return worker_arguments(
-            self.checked.choice, self.addresses, settings=self._settings, checkpoint=self._checkpoint
+    def _bridge_config(self) -> BridgeConfig:
+        """As of now: with the newest pupil map, and where the source has come to."""
+        at, eyes = self.addresses, self.opened.config.eyes
+        return BridgeConfig(
+            eyes=replace(eyes, pupil_map=self.figures[BRIDGE].get("pupil_map") or eyes.pupil_map),
+            states=at.states,
+            events=at.events,
+            replay=at.replay,
+            control=at.bridge,
+            screens=at.screens,
+            answers=at.answers,
+            sees=at.frames if eyes.source == SIMULATED else None,
+            live=True,
+            begun_ns=self._source_begun_ns,
         )
+
+    def _worker_config(self) -> WorkerConfig:
+        at, config = self.addresses, self.opened.config
+        links = WorkerLinks(
+            states=at.states, events=at.events, frames=at.frames, control=at.worker, resume=str(self._checkpoint)
+        )
+        return WorkerConfig(links=links, view=replace(config.view, seconds=None), settings=config.settings)
 
     def _on_bridge(self, message: dict[str, Any]) -> None:
         if message["event"] == "ready" and self._source_begun_ns is None:
@@ -124,7 +138,7 @@ class LiveSession:
 
     def _begin(self) -> None:
         self.state = "running"
-        seconds = self.checked.choice.seconds
+        seconds = self.opened.config.view.seconds
         self._ends_at_s = None if seconds is None else time.monotonic() + seconds
         self._journal.say("running")
         if self._record_as is not None:
@@ -156,8 +170,8 @@ class LiveSession:
 
     def interrupt(self, within_s: float) -> None:
         """Ends it where nobody stopped it: cut short, if it has an end of its own."""
-        choice, source = self.checked.choice, self.checked.source.info
-        endless = choice.seconds is None and (source.live or choice.source == SIMULATED)
+        config, source = self.opened.config, self.opened.source.info
+        endless = config.view.seconds is None and (source.live or config.eyes.source == SIMULATED)
         self._interrupted = self.state in ("starting", "running") and not endless
         self.stop(within_s)
 
@@ -175,8 +189,8 @@ class LiveSession:
         return Reply(True, f"recording {final.name}", {"folder": str(self.folder)})
 
     def _begin_take(self, final: Path) -> None:
-        checked = takes.as_of_now(self.checked, self.figures[WORKER], self.figures[BRIDGE])
-        self.folder = takes.make(final, checked)
+        opened = takes.as_of_now(self.opened, self.figures[WORKER], self.figures[BRIDGE])
+        self.folder = takes.make(final, opened)
         self.trouble = None
         for figures in self.figures.values():  # what was wrong with the take before this one
             figures.pop("trouble", None)
@@ -185,7 +199,7 @@ class LiveSession:
         self._take = KeptTake(self._context, self.folder, controls)
         self._journal.say("take begins", folder=str(self.folder), start_ns=self._take.start_ns)
         self._note_gaps(self._take, self.folder)
-        self._do(lambda folder=self.folder: takes.keep_inputs(folder, checked), self._say_trouble)  # type: ignore[misc]
+        self._do(lambda folder=self.folder: takes.keep_inputs(folder, opened.config), self._say_trouble)  # type: ignore[misc]
 
     def _note_gaps(self, take: KeptTake, folder: Path) -> None:
         """In case this host is ended by force; what cannot be written now is told at the end."""

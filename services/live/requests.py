@@ -9,7 +9,7 @@ from typing import Annotated, Any, Literal
 
 import msgspec
 
-from entoptic.services.live.choice import SessionChoice
+from entoptic.services.session_config import SessionConfig
 
 
 class _Request(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field="do"):
@@ -78,7 +78,7 @@ class GiveStatus(_Request, frozen=True, tag="status"):
 class StartSession(_Request, frozen=True, tag="start session"):
     """A bridge and a worker are to be started."""
 
-    choice: SessionChoice
+    config: SessionConfig
 
 
 class StopSession(_Request, frozen=True, tag="stop session"):

@@ -7,6 +7,8 @@ import time
 from collections.abc import Callable
 from typing import Any, Literal
 
+import msgspec
+
 from entoptic.services.live.children import Child
 from entoptic.services.live.journal import Journal
 from entoptic.services.live.supervision import Gap, Restarts
@@ -20,12 +22,12 @@ class Supervised:
     def __init__(
         self,
         name: str,
-        arguments: Callable[[], list[str]],
+        config: Callable[[], msgspec.Struct],
         ready_event: str,
         journal: Journal,
         on_message: Callable[[dict[str, Any]], None] = lambda message: None,
     ) -> None:
-        """`arguments` are asked for at each start; `ready_event` is what it logs when it is ready."""
+        """`config` is asked for at each start; `ready_event` is what it logs when it is ready."""
         self.name, self.state = name, "stopped"
         self.restarts = Restarts()
         self.started_anew = 0
@@ -33,7 +35,7 @@ class Supervised:
         self.gaps: list[Gap] = []
         self.ended: dict[str, Any] | None = None
         """What it said when it ended by itself, all done."""
-        self._arguments, self._ready_event = arguments, ready_event
+        self._config, self._ready_event = config, ready_event
         self._journal, self._on_message = journal, on_message
         self._child: Child | None = None
         self._said: str | None = None
@@ -62,7 +64,7 @@ class Supervised:
         """Starts it for the first time, or anew."""
         anew = self.state == "restarting"
         self._said, self._ready_at_s = None, None
-        self._child = Child(self.name, self._arguments())
+        self._child = Child(self.name, self._config())
         self.state = "restarting" if anew else "starting"
         self._journal.say("started", child=self.name, child_pid=self._child.pid, anew=anew)
 

@@ -16,15 +16,16 @@ from pathlib import Path
 from typing import Any, Final
 
 import msgspec
+from msgspec.structs import replace
 
 from entoptic.atomic_file import write_json
 from entoptic.errors import EntopticError, OutputError
-from entoptic.services.live.checked import Checked
 from entoptic.services.live.supervision import Gap
 from entoptic.services.psf import observer_file
 from entoptic.services.results import session_file
 from entoptic.services.results.finish import finish as finish_frames
 from entoptic.services.results.folder import ResultsFolderError, keep, refuse_foreign
+from entoptic.services.session_config import OpenedSession, SessionConfig
 from entoptic.services.settings import Settings
 
 PARTIAL: Final = ".partial"
@@ -65,15 +66,15 @@ def refuse(final: Path) -> None:
     _make(final).rmdir()
 
 
-def make(final: Path, checked: Checked) -> Path:
+def make(final: Path, opened: OpenedSession) -> Path:
     """Makes the folder of a take that begins; returns where it is to be written.
 
     Raises TakeError, and ResultsFolderError for a `final` that holds something else.
     """
     folder = _make(final)
     try:
-        observer_file.write(folder / "settings.toml", checked.settings)
-        of_session(checked, "live").write(folder)
+        observer_file.write(folder / "settings.toml", opened.config.settings)
+        session_file.of_session(opened, "live").write(folder)
     except (OSError, OutputError) as error:
         shutil.rmtree(folder, ignore_errors=True)
         raise _unwritable(folder, error) from None
@@ -99,39 +100,22 @@ def _unwritable(folder: Path, error: Exception) -> TakeError:
     return TakeError(f"{folder} cannot be written: {reason}; make room, or choose another place")
 
 
-def as_of_now(checked: Checked, worker: dict[str, Any], bridge: dict[str, Any]) -> Checked:
+def as_of_now(opened: OpenedSession, worker: dict[str, Any], bridge: dict[str, Any]) -> OpenedSession:
     """With settings and pupil map as they are by now; `worker` and `bridge` are what those say of themselves."""
-    choice, settings = checked.choice, checked.settings
+    config = opened.config
     if worker.get("settings") is not None:
         with contextlib.suppress(msgspec.ValidationError):  # a worker of another version
-            settings = msgspec.convert(worker["settings"], Settings)
-            choice = msgspec.structs.replace(choice, settings=worker["settings"])
-    choice = msgspec.structs.replace(choice, pupil_map=bridge.get("pupil_map") or choice.pupil_map)
-    return dataclasses.replace(checked, choice=choice, settings=settings)
+            config = replace(config, settings=msgspec.convert(worker["settings"], Settings))
+    if bridge.get("pupil_map") is not None:
+        config = replace(config, eyes=replace(config.eyes, pupil_map=bridge["pupil_map"]))
+    return dataclasses.replace(opened, config=config)
 
 
-def of_session(checked: Checked, mode: Any) -> session_file.SessionFile:
-    """A session.json, still without its inputs."""
-    return session_file.SessionFile(
-        program=session_file.version(),
-        mode=mode,
-        began=session_file.now(),
-        choice=checked.choice,
-        width_px=checked.view.width_px,
-        height_px=checked.view.height_px,
-        fov_deg=checked.view.fov_deg,
-        source=checked.source.info.name,
-        scene=checked.scene.name,
-        notes=checked.notes,
-    )
-
-
-def keep_inputs(folder: Path, checked: Checked) -> str | None:
+def keep_inputs(folder: Path, config: SessionConfig) -> str | None:
     """Copies what the session needs into its folder; what went wrong, for a person."""
-    named = session_file.inputs_of(checked.choice, checked.settings.tone.curve)
     try:
-        kept = session_file.keep_inputs(named, folder)
-        msgspec.structs.replace(session_file.read(folder), inputs=kept).write(folder)
+        kept = session_file.keep_inputs(session_file.inputs_of(config), folder)
+        replace(session_file.read(folder), inputs=kept).write(folder)
     except (OSError, session_file.SessionFileError) as error:
         return f"inputs were not copied into {folder}: {error}; make room, and keep them yourself"
     large = [one.path for one in kept if one.kept is None]
@@ -186,16 +170,16 @@ def finish(folder: Path, *, replaces: bool = True) -> Finished:
 
 def told(session: session_file.SessionFile, notes: HostNotes, done: dict[str, Any]) -> dict[str, Any]:
     """All of a summary, live or not; `done` is what services.results.finish.finish says."""
-    choice = session.choice
+    view = session.config.view
     return {
         "recording": session.source,
         "scene": session.scene,
-        "view": {"width_px": session.width_px, "height_px": session.height_px, "fov_deg": session.fov_deg},
-        "fps": choice.fps,
-        "eyes": choice.eyes.value,
+        "view": {"width_px": view.width_px, "height_px": view.height_px, "fov_deg": view.fov_deg},
+        "fps": view.fps,
+        "eyes": view.eyes.value,
         "mode": session.mode,
-        "seed": choice.seed,
-        "perception": choice.settings,
+        "seed": session.config.eyes.seed,
+        "perception": msgspec.to_builtins(session.config.settings, order="deterministic"),
         "interrupted": notes.interrupted,
         "gaps": list(notes.gaps),
         "trouble": notes.trouble,

@@ -68,7 +68,7 @@ class _Seen:
     """What all moments of a take come to; times are the tables'. Raises MomentsError."""
 
     def __init__(self, moments: Moments) -> None:
-        self.fps, self.frames, self.sha256 = moments.begun.fps, 0, ""
+        self.fps, self.frames, self.sha256 = moments.begun.view.fps, 0, ""
         self.changed_s: list[float] = []
         self.restarted_s: list[float] = []
         first_s = last_s = 0.0

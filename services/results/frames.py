@@ -17,15 +17,15 @@ from entoptic.pipeline.effects.encode import encode
 from entoptic.pipeline.sinks.images import still_path, write_exr, write_png, write_still
 from entoptic.pipeline.sinks.video import Encoder, film
 from entoptic.pipeline.sinks.video_parts import Part
+from entoptic.services.config import Save
 from entoptic.services.live.messages import LatencyMs
-from entoptic.services.options import Save
+from entoptic.services.rendering import Rendered
 from entoptic.services.results import kept, moments
 from entoptic.services.results.appended import Appended, row, whole_rows
 from entoptic.services.results.folder import WORKER
 from entoptic.services.results.moments import Begun, Moment, Moments, Perceive, Resumed
 from entoptic.services.results.tally import PLAN, Heard, Tally, WorkerSummary, plan_columns
 from entoptic.services.settings import Settings
-from entoptic.services.worker.rendering import Rendered
 
 KEY_FRAMES = 6
 """How many frames of a session of known length are kept as picture pairs."""
@@ -47,13 +47,13 @@ class Results:
     ) -> None:
         """`frames` is how many are to come, if that is known. Raises OSError, and MomentsError for what lies there."""
         self._folder, self._begun, self._save, self._parts = folder, begun, save, parts
-        self._every = max(round(KEY_EVERY_S * begun.fps) if frames is None else frames // KEY_FRAMES, 1)
+        self._every = max(round(KEY_EVERY_S * begun.view.fps) if frames is None else frames // KEY_FRAMES, 1)
         self._pair_due = self._every // 2
         self._pairs: list[dict[str, object]] = []
         self._zero_s, self._display = begun.zero_s, begun.perception.display
         self._first: int | None = None
         """Number of the frame at the tables' zero; known with the first frame."""
-        self._tally = Tally(begun.fps)
+        self._tally = Tally(begun.view.fps)
         self._hash = hashlib.sha256()
         self._video: Encoder | None = None
         self._part: Part | None = None
@@ -76,10 +76,10 @@ class Results:
         if before is None:
             self._moments.write(kept.encode(self._begun))
             return
-        self._tally = Tally.read(plan, self._begun.fps)
+        self._tally = Tally.read(plan, self._begun.view.fps)
         with contextlib.suppress(OSError, ValueError):
             self._pairs = json.loads((self._folder / "key_frames" / "key_frames.json").read_bytes())
-            self._pair_due = round(float(str(self._pairs[-1]["t_s"])) * self._begun.fps) + self._pair_gap
+            self._pair_due = round(float(str(self._pairs[-1]["t_s"])) * self._begun.view.fps) + self._pair_gap
         if last is not None:
             self._hash.update(last.sha256)
         self._record(Resumed(self._zero_s, self._begun.perception, self._begun.costs, self._begun.state))
@@ -132,7 +132,7 @@ class Results:
         """Keeps one more frame, and what it was rendered from. Raises OSError or OutputError where it cannot."""
         t_s = rendered.t_s - self._zero_s
         if self._first is None:
-            self._first = min(rendered.frame_number, rendered.frame_number - round(t_s * self._begun.fps))
+            self._first = min(rendered.frame_number, rendered.frame_number - round(t_s * self._begun.view.fps))
         index = rendered.frame_number - self._first
         self._hash.update(rendered.perceived.image.tobytes())
         self._record(msgspec.structs.replace(moment, sha256=self.digest))
@@ -158,7 +158,7 @@ class Results:
 
     def _film(self, image: np.ndarray, index: int) -> None:
         height, width = image.shape[:2]
-        path, fps = self._folder, self._begun.fps
+        path, fps = self._folder, self._begun.view.fps
         if not self._parts:
             if self._video is None:
                 self._video = self._files.enter_context(

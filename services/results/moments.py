@@ -17,12 +17,16 @@ from typing import Annotated
 import msgpack  # type: ignore[import-untyped]  # ships no types
 import msgspec
 
+from entoptic import __version__
 from entoptic.errors import EntopticError
-from entoptic.pipeline import RenderState, View
+from entoptic.pipeline import RenderState
 from entoptic.pipeline.budget import CostModel, Timing
 from entoptic.pipeline.optics.ocular_dynamics import SaccadeImpulse
 from entoptic.pipeline.scenes import Head
+from entoptic.services.config import ViewConfig
+from entoptic.services.rendering import Rendering
 from entoptic.services.results import kept
+from entoptic.services.session_config import EYES
 from entoptic.services.settings import Settings
 from entoptic.tracker_bridge.wire import Eye, EyeState
 
@@ -41,13 +45,8 @@ class Begun(msgspec.Struct, frozen=True, kw_only=True, tag_field="is", tag="begu
     entoptic: Annotated[int, msgspec.Meta(ge=0)] = VERSION
     program: str
     """Which version wrote it."""
-    scene: str
-    """As it was named."""
-    mean_luminance_cd_m2: float | None
-    head_path: str
-    view: View
-    fps: float
-    eyes: tuple[Eye, ...]
+    view: ViewConfig
+    """With its size as it is."""
     live: bool
     zero_s: float
     """Zero of the tables' times, as a frame's `t_s`."""
@@ -55,6 +54,11 @@ class Begun(msgspec.Struct, frozen=True, kw_only=True, tag_field="is", tag="begu
     costs: CostModel
     state: RenderState | None
     """What the eyes remembered before the first frame here."""
+
+    @property
+    def eyes(self) -> tuple[Eye, ...]:
+        """Those that are rendered, from left to right."""
+        return EYES[self.view.eyes]
 
 
 class Moment(msgspec.Struct, frozen=True, tag_field="is", tag="frame"):
@@ -94,6 +98,19 @@ class Resumed(msgspec.Struct, frozen=True, tag_field="is", tag="resumed"):
 
 
 Record = Begun | Moment | Perceive | Resumed
+
+
+def begin(view: ViewConfig, rendering: Rendering, *, live: bool, zero_s: float = 0.0) -> Begun:
+    """What a file of moments begins with."""
+    return Begun(
+        program=__version__,
+        view=view,
+        live=live,
+        zero_s=zero_s,
+        perception=rendering.perception,
+        costs=rendering.costs,
+        state=rendering.kept_memory,
+    )
 
 
 class Moments:

@@ -14,7 +14,7 @@ import msgspec
 
 from entoptic.atomic_file import write_json
 from entoptic.errors import EntopticError
-from entoptic.services.live.choice import SessionChoice
+from entoptic.services.session_config import OpenedSession, SessionConfig
 
 FILE: Final = "session.json"
 INPUTS: Final = "inputs"
@@ -47,12 +47,8 @@ class SessionFile(msgspec.Struct, frozen=True):
     mode: Literal["live", "offline"]
     began: str
     """ISO 8601, with the time zone."""
-    choice: SessionChoice
+    config: SessionConfig
     """As it was started; its paths are those of `inputs`."""
-    width_px: int
-    height_px: int
-    """Of one eye's image."""
-    fov_deg: float
     source: str
     """For a person."""
     scene: str
@@ -126,14 +122,27 @@ def keep_inputs(named: dict[str, Path], folder: Path) -> tuple[Input, ...]:
     return tuple(sorted(kept, key=lambda one: one.what))
 
 
-def inputs_of(choice: SessionChoice, tone_curve: str) -> dict[str, Path]:
-    """The files that a choice names, by what they are; "" is no tone curve."""
+def of_session(opened: OpenedSession, mode: Literal["live", "offline"]) -> SessionFile:
+    """A session.json, still without its inputs."""
+    return SessionFile(
+        program=version(),
+        mode=mode,
+        began=now(),
+        config=opened.config,
+        source=opened.source.info.name,
+        scene=opened.scene.name,
+        notes=opened.notes,
+    )
+
+
+def inputs_of(config: SessionConfig) -> dict[str, Path]:
+    """The files that a session names, by what they are."""
     named = {
-        "scene": choice.scene,
-        "table map": choice.table_map,
-        "head": choice.head,
-        "tone curve": tone_curve,
-        "pupil map": choice.pupil_map,
+        "scene": config.view.scene,
+        "table map": config.eyes.table_map,
+        "head": config.view.head,
+        "tone curve": config.settings.tone.curve,
+        "pupil map": config.eyes.pupil_map,
     }
     return {what: Path(name) for what, name in named.items() if name and Path(name).exists()}
 

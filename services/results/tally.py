@@ -12,8 +12,8 @@ import numpy as np
 
 from entoptic.pipeline.plan import OFF, SKIPPED, Effect
 from entoptic.services.live.messages import LatencyMs
+from entoptic.services.rendering import Rendered
 from entoptic.services.results.moments import Begun
-from entoptic.services.worker.rendering import Rendered
 from entoptic.tracker_bridge.wire import Eye
 
 PLAN = "plan.csv"
@@ -123,7 +123,7 @@ class Tally:
         for k, (eye, looking, measured) in enumerate(
             zip(begun.eyes, rendered.looking, perceived.measured, strict=True)
         ):
-            x_px, y_px = begun.view.pixel_of(looking.azimuth_deg, looking.elevation_deg)
+            x_px, y_px = rendered.frame.view.pixel_of(looking.azimuth_deg, looking.elevation_deg)
             phase = "none" if rendered.state is None else rendered.state.of(eye).phase.value
             cells += [phase, f"{perceived.pupil_mm[k]:.3f}", f"{x_px:.1f}", f"{y_px:.1f}"]
             cells += [

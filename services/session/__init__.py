@@ -1,5 +1,7 @@
-"""A session by recorded time.
+"""A session by recorded time, in one process.
 
-offline.py  bridge and worker as two processes, their progress and what they leave
+offline.py  every frame of a recording, and what is left of them
 again.py    a folder's session once more, the same frames
+eyes.py     a recording's states and events, as far as a frame needs them
+watch.py    the thread that renders, and the one that shows how far it is
 """

@@ -1,36 +1,41 @@
-"""The frames of an earlier session once more, from what they were rendered from."""
+"""The frames of an earlier session once more, from what they were rendered from: the same to the bit."""
 
 from __future__ import annotations
 
 import contextlib
 import shutil
-import time
-from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
+from msgspec.structs import replace
 from rich.console import Console
 from rich.markup import escape
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
 from entoptic.atomic_file import write_json
+from entoptic.pipeline.scenes import open_scene
+from entoptic.services.config import Save
 from entoptic.services.live import takes
-from entoptic.services.live.children import Child
-from entoptic.services.options import Save
 from entoptic.services.process import Stop
+from entoptic.services.rendering import Rendering
 from entoptic.services.results import session_file
+from entoptic.services.results.finish import finish, write_summary
 from entoptic.services.results.folder import BRIDGE, results_folder
+from entoptic.services.results.frames import Results
 from entoptic.services.results.moments import FILE as MOMENTS
-from entoptic.services.session.offline import SessionError, StoppedError, end
+from entoptic.services.results.moments import Moment, Moments, MomentsError, Perceive, Resumed
+from entoptic.services.results.session_file import SessionFile
+from entoptic.services.session.watch import SessionError, Work, watch
+from entoptic.services.session_config import view_of
+from entoptic.services.settings import Settings
 
 TABLES = ("states.csv", "events.csv", BRIDGE, session_file.FILE, "settings.toml")
 """What the frames change nothing in."""
 
 
-def run(before: Path, out: Path, save: Sequence[Save], stop: Stop, console: Console) -> None:
+def run(before: Path, out: Path, save: frozenset[Save], stop: Stop, console: Console) -> None:
     """Renders the session in a folder again into another one, with a report of its own.
 
-    Raises SessionError, StoppedError, SessionFileError or ResultsFolderError; then no folder is left.
+    Raises SessionError, StoppedError, SessionFileError, MomentsError, ResultsFolderError, and FrameError for a scene
+    that is gone; then no folder is left.
     """
     session = session_file.read(before)
     if not (before / MOMENTS).exists():
@@ -43,44 +48,76 @@ def run(before: Path, out: Path, save: Sequence[Save], stop: Stop, console: Cons
                 shutil.copyfile(before / name, folder / name)
         if (before / session_file.INPUTS).is_dir():
             shutil.copytree(before / session_file.INPUTS, folder / session_file.INPUTS)
-        arguments = ["worker", "--again", str(before), "--out", str(folder)]
-        for form in save:
-            arguments += ["--save", form.value]
-        different = _watch(Child("worker", arguments), stop, console).get("first_different")
-        words = "all frames are the same" if different is None else f"frames differ from frame {different} on"
-        console.print(words)
-        from entoptic.services.results.finish import finish
-
+        different = watch(
+            lambda work: render(before, folder, save, session, stop, work),
+            stop,
+            console,
+            "stopped: nothing was written",
+        )
+        console.print("all frames are the same" if different is None else f"frames differ from frame {different} on")
         # Gaps and trouble are those of what was rendered then.
         write_json(folder / takes.SUMMARY, takes.told(session, takes.notes_of(before), finish(folder)))
         if (trouble := takes.draw_report(folder)) is not None:
             console.print(f"[yellow]![/yellow] {escape(trouble)}", soft_wrap=True)
 
 
-def _watch(worker: Child, stop: Stop, console: Console) -> dict[str, Any]:
-    """What it said when it ended."""
-    said: str | None = None
-    ended: dict[str, Any] = {}
-    with Progress(
-        TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn(), console=console
-    ) as progress:
-        task = progress.add_task("compiling", total=None)
-        try:
-            while True:
-                code = worker.code()
-                for message in worker.drain():
-                    said = message.get("error", said)
-                    ended = message if message["event"] == "ended" else ended
-                    if message["event"] == "progress":
-                        progress.update(
-                            task, description="rendering", completed=message["frame"], total=message["frames"]
-                        )
-                if stop():
-                    raise StoppedError("stopped: nothing was written")
-                if code == 0:
-                    return ended
-                if code is not None:
-                    raise SessionError(f"the worker failed {worker.ending(said)}")
-                time.sleep(0.02)
-        finally:
-            end(worker, stop)
+def render(
+    before: Path, out: Path, save: frozenset[Save], session: SessionFile | None, stop: Stop, work: Work
+) -> int | None:
+    """Renders all frames of a folder into another one; the number of the first that is not what it was.
+
+    Raises MomentsError, FrameError for a scene that is gone, and SessionFileError for one that is another now.
+    """
+    if (out / MOMENTS).exists() and (out / MOMENTS).samefile(before / MOMENTS):
+        raise MomentsError(f"{out} holds the frames that are to be rendered again: name another folder")
+    moments = Moments(before / MOMENTS)
+    begun = moments.begun
+    work.frames = sum(isinstance(record, Moment) for record in moments)
+    work.stage = "compiling"
+    scene = open_scene(
+        _path("scene", begun.view.scene, session, before), mean_luminance_cd_m2=begun.view.mean_luminance_cd_m2
+    )
+    here = _here(begun.perception, session, before)
+    rendering = Rendering(scene, view_of(begun.view), begun.eyes, here, begun.costs, begun.state)
+    first_different = None
+    frames = None if begun.live else work.frames
+    with Results(out, begun, save, parts=begun.live, frames=frames) as results:
+        for record in moments:
+            if stop():
+                break
+            match record:
+                case Perceive(perception):
+                    rendering.perception = _here(perception, session, before)
+                    results.perceive(perception)
+                case Resumed():
+                    rendering.perception = _here(record.perception, session, before)
+                    rendering.costs, rendering.memory = record.costs, record.state
+                    results.resume(record)
+                case Moment():
+                    rendered = rendering.render(
+                        record.frame, record.t_s, record.dt_s, record.head, record.state, record.saccade_impulses
+                    )
+                    rendering.correct(record.timings)
+                    results.add(rendered, record)
+                    results.note(rendered)
+                    if first_different is None and results.digest != record.sha256:
+                        first_different = record.frame
+                    work.stage, work.frame = "rendering", work.frame + 1
+    write_summary(results.summary(None, None), out)
+    if begun.live:
+        finish(out)
+    return first_different
+
+
+def _path(what: str, named: str, session: SessionFile | None, folder: Path) -> str:
+    """Where an input lies: its copy if there is one."""
+    path = None if session is None else session.path_of(what, folder)
+    return named if path is None else str(path)
+
+
+def _here(perception: Settings, session: SessionFile | None, folder: Path) -> Settings:
+    """Settings whose files are the session's copies."""
+    if not perception.tone.curve:
+        return perception
+    curve = _path("tone curve", perception.tone.curve, session, folder)
+    return replace(perception, tone=replace(perception.tone, curve=curve))

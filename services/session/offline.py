@@ -1,185 +1,132 @@
-"""A whole session: bridge and worker as two processes, their progress, their failures, and what they leave.
+"""A whole session of recorded eyes: every frame rendered at its own recorded time, however long it takes.
 
-Theory of operation: each process writes its log to standard error, a JSON object a line; this one reads both. A
-process is asked to stop by closing its standard input, so it stops too if this one dies. All results are written into
-a folder beside the final one, which takes its name only when they are whole.
+Theory of operation: one loop over the frames. For each the source is read through the chain until the newest state of
+the frame's time is known, and all that is read goes into the tables. All results are written into a folder beside the
+final one, which takes its name only when they are whole.
 """
 
 from __future__ import annotations
 
 import contextlib
 import dataclasses
-import time
-from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
+import msgspec
 from rich.console import Console
 from rich.markup import escape
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
-from entoptic.errors import EntopticError
-from entoptic.services.eye_data import SIMULATED_SECONDS
-from entoptic.services.live.arguments import recorded_bridge_arguments, recorded_worker_arguments
-from entoptic.services.live.checked import Checked
-from entoptic.services.live.children import Child
-from entoptic.services.process import STOPS_WITHIN_S, Stop
+from entoptic.atomic_file import write_json
+from entoptic.pipeline.budget import SHIPPED
+from entoptic.pipeline.scenes import Head
+from entoptic.pipeline.scenes.head_path import open_head_path
+from entoptic.services import simulated_light
+from entoptic.services.bridge.tables import Tables
+from entoptic.services.eye_data import SIMULATED_SECONDS, open_eyes
+from entoptic.services.live import takes
+from entoptic.services.process import Stop
 from entoptic.services.psf import observer_file
+from entoptic.services.rendering import Rendering, frames_known, gaze_deg, kicks_of
+from entoptic.services.report import page as report
 from entoptic.services.results import session_file
-from entoptic.services.results.folder import results_folder
+from entoptic.services.results.finish import finish, write_summary
+from entoptic.services.results.folder import BRIDGE, results_folder
+from entoptic.services.results.frames import Results
+from entoptic.services.results.moments import Moment, begin
+from entoptic.services.results.tally import Heard
+from entoptic.services.session.eyes import RecordedEyes
+from entoptic.services.session.watch import Work, watch
+from entoptic.services.session_config import EYES, OpenedSession
+from entoptic.tracker_bridge import pupil_map
+from entoptic.tracker_bridge.chain import Chain
+from entoptic.tracker_bridge.samples import NS_PER_S
+from entoptic.tracker_bridge.source import Source
 from entoptic.tracker_bridge.sources import SIMULATED
 
-READY_WITHIN_S = 60.0
-STOPPED_WITHIN_S = 1.0
-"""Where nothing is lost by ending a process by force."""
+LIGHT = "scene_luminance.csv"
 NOTHING = "stopped before the first frame: nothing was written"
 
 
-class SessionError(EntopticError):
-    """A session failed: the message names the process and what it said."""
+class EyesSummary(msgspec.Struct, frozen=True):
+    """What was read of the eye data."""
 
-
-class StoppedError(SessionError):
-    """A person stopped a session before there was anything to be kept."""
+    source: str
+    states: int
+    late_samples: int
+    """Samples that came too late, twice, backwards or from the future, and were left out."""
 
 
 @dataclasses.dataclass(frozen=True)
 class Outcome:
     """What became of a session."""
 
-    bridge: dict[str, Any]
-    """What the bridge said when it ended."""
-    worker: dict[str, Any]
-    """What the worker said when it ended."""
+    frames: int
+    eyes: EyesSummary
     interrupted: bool
-    trouble: str | None = None
-    """Of a process that failed when it was asked to stop."""
 
 
-def _failed(child: Child, said: str | None) -> SessionError:
-    return SessionError(f"the {child.name} failed {child.ending(said)}")
-
-
-def keep(checked: Checked, final: Path, stop: Stop, console: Console) -> Outcome:
+def keep(opened: OpenedSession, final: Path, stop: Stop, console: Console) -> Outcome:
     """Renders every frame of a recording into a folder with all that belongs to it.
 
-    Raises SessionError, StoppedError and ResultsFolderError; then no folder is left.
+    Raises StoppedError, ResultsFolderError, and what source and scene raise; then no folder is left.
     """
-    from entoptic.atomic_file import write_json
-    from entoptic.services import simulated_light
-    from entoptic.services.live import takes
-    from entoptic.services.report import page as report
-    from entoptic.services.results.finish import finish
-    from entoptic.services.results.folder import BRIDGE
-
     with results_folder(final) as folder:
-        observer_file.write(folder / "settings.toml", checked.settings)
-        takes.of_session(checked, "offline").write(folder)
-        if (trouble := takes.keep_inputs(folder, checked)) is not None:
+        observer_file.write(folder / "settings.toml", opened.config.settings)
+        session = session_file.of_session(opened, "offline")
+        session.write(folder)
+        if (trouble := takes.keep_inputs(folder, opened.config)) is not None:
             console.print(f"[yellow]![/yellow] {escape(trouble)}", soft_wrap=True)
-        light = folder / "scene_luminance.csv"
-        if checked.choice.source == SIMULATED:
-            seconds = checked.choice.seconds or SIMULATED_SECONDS
-            steps = simulated_light.of_scene(checked.scene, checked.view, checked.choice.head, seconds)
-            simulated_light.write(light, steps)
-        bridge = recorded_bridge_arguments(checked.choice, folder, light if light.exists() else None)
-        worker = recorded_worker_arguments(checked.choice, folder, folder / "settings.toml")
-        outcome = run(bridge, worker, stop, console)
-        notes = takes.HostNotes(interrupted=outcome.interrupted, trouble=outcome.trouble)
-        write_json(folder / BRIDGE, outcome.bridge)
-        write_json(folder / takes.SUMMARY, takes.told(session_file.read(folder), notes, finish(folder)))
+        outcome = watch(lambda work: _render(opened, folder, stop, work), stop, console, NOTHING)
+        write_json(folder / BRIDGE, outcome.eyes)
+        notes = takes.HostNotes(interrupted=outcome.interrupted)
+        write_json(folder / takes.SUMMARY, takes.told(session, notes, finish(folder)))
         report.write(folder)
     return outcome
 
 
-def run(bridge_arguments: Sequence[str], worker_arguments: Sequence[str], stop: Stop, console: Console) -> Outcome:
-    """Runs both processes to their end, or until asked to stop; leaves no process behind.
-
-    Raises SessionError, and StoppedError where that was before the first frame.
-    """
-    with contextlib.ExitStack() as children:
-        bridge = Child("bridge", bridge_arguments)
-        children.callback(end, bridge, stop)
-        ready = _wait_for_ready(bridge, stop)
-        if ready is None:
-            raise StoppedError(NOTHING)
-        addresses = ["--states", ready["states"], "--events", ready["events"]]
-        worker = Child("worker", [*worker_arguments, *addresses])
-        children.callback(end, worker, stop)
-        return _watch(bridge, worker, stop, console)
-
-
-def end(child: Child, stop: Stop) -> None:
-    """Leaves it no time to finish what nobody will keep, as a compilation, if a person stopped all."""
-    child.end(STOPPED_WITHIN_S if stop() else STOPS_WITHIN_S)
-
-
-def _wait_for_ready(bridge: Child, stop: Stop) -> dict[str, Any] | None:
-    deadline, said = time.monotonic() + READY_WITHIN_S, None
-    while not stop():
-        ended = bridge.code() is not None
-        for message in bridge.drain():
-            if message["event"] == "ready":
-                return message
-            said = message.get("error", said)
-        if ended or time.monotonic() > deadline:
-            raise _failed(bridge, said)
-        time.sleep(0.02)
-    return None
-
-
-def _watch(bridge: Child, worker: Child, stop: Stop, console: Console) -> Outcome:
-    endings: dict[str, dict[str, Any]] = {"bridge": {}, "worker": {}}
-    said: dict[str, str | None] = {"bridge": None, "worker": None}
-    interrupted = prepared = False
-    with Progress(
-        TextColumn("{task.description}"),
-        BarColumn(),
-        MofNCompleteColumn(),
-        TimeElapsedColumn(),
-        TimeRemainingColumn(),
-        console=console,
-    ) as progress:
-        task = progress.add_task("starting", total=None)
-        while True:
-            if stop() and not prepared:
-                raise StoppedError(NOTHING)
-            if stop() and not interrupted:
-                interrupted = True
-                progress.update(task, description="stopping")
-                for child in (worker, bridge):
-                    child.ask_to_stop()
-            # Asked first and read after, so that nothing said before the end is missed.
-            codes = {child.name: child.code() for child in (bridge, worker)}
-            for child in (bridge, worker):
-                for message in child.drain():
-                    said[child.name] = message.get("error", said[child.name])
-                    match message["event"]:
-                        case "ended":
-                            endings[child.name] = message
-                        case "preparing":
-                            progress.update(task, description="compiling")
-                        case "prepared":
-                            prepared = True
-                        case "progress":
-                            _show(progress, task, message)
-            failed = [_failed(child, said[child.name]) for child in (bridge, worker) if codes[child.name]]
-            if failed and not interrupted:
-                raise failed[0]
-            if codes["worker"] is not None:
-                # An early end of the frames leaves the bridge with states nobody wants.
-                bridge.ask_to_stop()
-                if codes["bridge"] is not None:
-                    trouble = "; ".join(str(one) for one in failed) or None
-                    return Outcome(endings["bridge"], endings["worker"], interrupted, trouble)
-            time.sleep(0.02)
-
-
-def _show(progress: Progress, task: Any, message: dict[str, Any]) -> None:
-    dropped = message["dropped"]
-    progress.update(
-        task,
-        description="rendering" + (f", {dropped} frames dropped" if dropped else ""),
-        completed=message["frame"],
-        total=message["frames"],
+def _render(opened: OpenedSession, folder: Path, stop: Stop, work: Work) -> Outcome:
+    """The same session gives the same frames on every machine: costs stay as they are."""
+    view, settings = opened.config.view, opened.config.settings
+    rendering = Rendering(opened.scene, opened.view, EYES[view.eyes], settings, SHIPPED)
+    work.stage = "compiling"
+    source = _before_the_scene(opened, folder)
+    warm_up_s = rendering.warm_up(stop)
+    path, eyes_map = open_head_path(view.head), opened.config.eyes.pupil_map
+    chain = Chain(
+        lane=opened.config.eyes.latency_mode, pupil_map=None if eyes_map is None else pupil_map.read(Path(eyes_map))
     )
+    head, t_s, impulses_matter = Head(), 0.0, settings.observer.ocular_dynamics.vitreous
+    with contextlib.closing(Tables(folder)) as tables:
+        eyes = RecordedEyes(source, chain, view.seconds, stop, tables.add)
+        work.frames = frames_known(view.seconds, eyes.end_ns, eyes.start_ns, view.fps)
+        work.stage, work.keeps = "rendering", not stop()
+        state = None
+        with Results(
+            folder, begin(view, rendering, live=False), frozenset(view.save), parts=False, frames=work.frames
+        ) as results:
+            while not stop() and (work.frames is None or work.frame < work.frames):
+                before_s, t_s = t_s, work.frame / view.fps
+                t_ns = eyes.start_ns + round(t_s * NS_PER_S)
+                saccades = eyes.saccades_until(t_ns) if impulses_matter else ()
+                state = eyes.until(t_ns) or state
+                if work.frames is None and eyes.ended_ns is not None and t_ns > eyes.ended_ns:
+                    break
+                dt_s, impulses = t_s - before_s, kicks_of(saccades, t_ns)
+                head = path.step(t_s, dt_s, head, gaze_deg(state))
+                rendered = rendering.render(work.frame, t_s, dt_s, head, state, impulses)
+                results.add(rendered, Moment(work.frame, t_s, dt_s, head, state, impulses, 0))
+                results.note(rendered)
+                work.frame += 1
+        eyes.finish()
+    summary = results.summary(Heard(eyes.states, 0, 0, 0, {}), warm_up_s)
+    write_summary(summary, folder)
+    return Outcome(work.frame, EyesSummary(source.info.name, eyes.states, chain.late_count), stop())
+
+
+def _before_the_scene(opened: OpenedSession, folder: Path) -> Source:
+    """The eye data; simulated pupils answer to the light of the scene, which is kept as a table."""
+    eyes, view = opened.config.eyes, opened.config.view
+    if eyes.source != SIMULATED:
+        return opened.source
+    steps = simulated_light.of_scene(opened.scene, opened.view, view.head, view.seconds or SIMULATED_SECONDS)
+    simulated_light.write(folder / LIGHT, steps)
+    return open_eyes(eyes, view.seconds, str(folder / LIGHT))

@@ -13,29 +13,16 @@ import msgspec
 import structlog
 
 from entoptic.atomic_file import write_bytes
-from entoptic.pipeline import RenderState, View
+from entoptic.pipeline import RenderState
 from entoptic.pipeline.budget import CostModel
 from entoptic.pipeline.scenes import Head
+from entoptic.services.config import ViewConfig
 from entoptic.services.results import kept
 from entoptic.services.settings import Settings
-from entoptic.tracker_bridge.wire import Eye
 
 VERSION = 1
 EVERY_S = 1.0
 """Engineering choice: what the eyes forget by a crash is then less than they do in a blink or two."""
-
-
-class Job(msgspec.Struct, frozen=True):
-    """What is rendered: a checkpoint of something else is of no use."""
-
-    scene: str
-    """As it is named: what opens it."""
-    mean_luminance_cd_m2: float | None
-    view: View
-    fps: float
-    eyes: tuple[Eye, ...]
-    """Left to right, as they stand side by side in the output."""
-    head_path: str
 
 
 class Checkpoint(msgspec.Struct, frozen=True, kw_only=True):
@@ -44,7 +31,8 @@ class Checkpoint(msgspec.Struct, frozen=True, kw_only=True):
     entoptic: int = VERSION
     written_ns: int
     """On the machine's monotonic clock, as all times."""
-    job: Job
+    view: ViewConfig
+    """With its size: a checkpoint of another one is of no use."""
     zero_ns: int
     """When frame 0 was due."""
     frame: int
@@ -86,7 +74,7 @@ class Keeper:
                 self._log.warning("checkpoint not written", file=str(self._path), error=error.strerror)
             self._failed = True
 
-    def read(self, job: Job) -> Checkpoint | None:
+    def read(self, view: ViewConfig) -> Checkpoint | None:
         """What is there to go on from, if anything; what is of no use is logged."""
         try:
             data = self._path.read_bytes()
@@ -96,18 +84,18 @@ class Keeper:
         except (OSError, msgspec.DecodeError, ValueError, TypeError, AttributeError) as error:
             why: str | None = f"it cannot be read: {error}"
         else:
-            why = _useless(checkpoint, job)
+            why = _useless(checkpoint, view)
         if why is not None:
             self._log.warning("checkpoint ignored", file=str(self._path), why=why)
             return None
         return checkpoint
 
 
-def _useless(checkpoint: Checkpoint, job: Job) -> str | None:
+def _useless(checkpoint: Checkpoint, view: ViewConfig) -> str | None:
     """Why it is, if it is."""
     if checkpoint.entoptic != VERSION:
         return f"it is of form {checkpoint.entoptic}, this program reads {VERSION}"
-    if checkpoint.job != job:
+    if checkpoint.view != view:
         return "it is of another scene or view"
     if not checkpoint.zero_ns <= checkpoint.written_ns <= time.monotonic_ns():
         return "it is from before this machine was started"

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import collections
 import contextlib
-import dataclasses
 import time
 from pathlib import Path
 from typing import Any
@@ -19,26 +18,27 @@ import structlog
 import zmq
 
 from entoptic.pipeline import FrameError
+from entoptic.pipeline.budget import load as load_costs
 from entoptic.pipeline.optics import OpticsError
 from entoptic.pipeline.scenes import Head
-from entoptic.pipeline.scenes.head_path import HeadPath
+from entoptic.pipeline.scenes.head_path import HeadPath, open_head_path
+from entoptic.services import keys as key_files
+from entoptic.services.config import ViewConfig, WorkerLinks
 from entoptic.services.control import Reply
 from entoptic.services.live.messages import LatencyMs
 from entoptic.services.live.requests import BeginTake, EndTake
-from entoptic.services.options import Save
-from entoptic.services.process import Stop
+from entoptic.services.process import Stop, cache_folder
 from entoptic.services.reader import StateReader
+from entoptic.services.rendering import Rendered, Rendering, frames_known, gaze_deg, kicks_of
 from entoptic.services.results import finish as takes
-from entoptic.services.results.moments import Moment
-from entoptic.services.results.tally import WorkerSummary
+from entoptic.services.results.moments import Moment, begin
+from entoptic.services.results.tally import Heard, WorkerSummary
+from entoptic.services.session_config import EYES, WorkerConfig, open_view, view_of
 from entoptic.services.settings import Settings
-from entoptic.services.worker.checkpoint import Checkpoint, Job, Keeper
-from entoptic.services.worker.offline import begin, frames_known, heard
+from entoptic.services.worker.checkpoint import Checkpoint, Keeper
 from entoptic.services.worker.publish import LivePublisher
-from entoptic.services.worker.rendering import Rendered, Rendering, gaze_deg, kicks_of
 from entoptic.services.worker.requests import Wish, WorkerRequests
 from entoptic.services.worker.take import UNWRITABLE, WorkerTake
-from entoptic.tracker_bridge.access import ServerKeys
 from entoptic.tracker_bridge.wire import NS_PER_S, EyeState
 
 GONE_S = 3.0
@@ -50,22 +50,6 @@ LOOKS_UP_S = 0.05
 """A loop that waits looks so often whether it is to stop."""
 
 
-@dataclasses.dataclass(frozen=True)
-class LiveWorkerSettings:
-    """How a live worker works."""
-
-    job: Job
-    save: frozenset[Save]
-    """Of takes."""
-    out: Path | None = None
-    """A take from the first frame on, as nobody asks for one."""
-    seconds: float | None = None
-    resume: Path | None = None
-    """Its checkpoints."""
-    hosted: bool = False
-    """It runs until it is stopped, whatever becomes of the bridge; else it ends with the stream."""
-
-
 class LiveWorker:
     """Renders by the clock. `status` is for any thread, all else for one."""
 
@@ -74,16 +58,18 @@ class LiveWorker:
         reader: StateReader,
         rendering: Rendering,
         head_path: HeadPath,
-        settings: LiveWorkerSettings,
+        links: WorkerLinks,
+        view: ViewConfig,
         stop: Stop,
         log: structlog.typing.FilteringBoundLogger,
         publisher: LivePublisher | None = None,
     ) -> None:
         self._reader, self._rendering, self._head_path = reader, rendering, head_path
-        self._settings, self._stop, self._log, self._publisher = settings, stop, log, publisher
-        self._job = settings.job
+        self._links, self._view, self._stop, self._log, self._publisher = links, view, stop, log, publisher
+        # It runs until it is stopped, whatever becomes of the bridge; else it ends with the stream.
+        self._hosted = links.control is not None
         self._take = WorkerTake(log)
-        self._keeper = None if settings.resume is None else Keeper(settings.resume, log)
+        self._keeper = None if links.resume is None else Keeper(Path(links.resume), log)
         self._warm_up_s: float | None = None
         self._zero_ns: int | None = None
         self._frame, self._t_s, self._dropped = -1, 0.0, 0
@@ -99,9 +85,9 @@ class LiveWorker:
     def status(self) -> dict[str, Any]:
         """As GiveStatus's reply has it."""
         return {
-            "scene": self._job.scene,
+            "scene": self._view.scene,
             "frame": self._frame,
-            "fps": self._job.fps,
+            "fps": self._view.fps,
             "reached_fps": self._reached_fps(),
             "dropped": self._dropped,
             "preparing": self._preparing,
@@ -118,9 +104,9 @@ class LiveWorker:
         """Until asked to stop, or to the end of what was asked for; what lies in `out`, if it is given."""
         frames = self._prepare()
         try:
-            if self._settings.out is not None and not self._stop():
+            if self._links.out is not None and not self._stop():
                 self._zero_ns = self._zero_ns or time.monotonic_ns()
-                self._begin(BeginTake(str(self._settings.out), self._zero_ns))
+                self._begin(BeginTake(str(self._links.out), self._zero_ns))
             frame = self._next_frame()
             # Those that were due while no worker was there, and the last second's, of which no checkpoint knows.
             self._dropped += frame - self._frame - 1
@@ -144,21 +130,21 @@ class LiveWorker:
 
     def _prepare(self) -> int | None:
         """Before the first frame; how many there will be."""
-        checkpoint = None if self._keeper is None else self._keeper.read(self._job)
-        self._log.info("preparing", scene=self._job.scene, resumed=checkpoint is not None)
+        checkpoint = None if self._keeper is None else self._keeper.read(self._view)
+        self._log.info("preparing", scene=self._view.scene, resumed=checkpoint is not None)
         if checkpoint is None:
             self._warm_up_s = round(self._rendering.warm_up(self._stop), 2)
         else:
             # What was compiled lies on the disk; what the next frame does not call for can wait.
             self._go_on_from(checkpoint)
         start_ns = end_ns = None
-        if self._settings.hosted:
+        if self._hosted:
             self._reader.subscribe()
         elif (started := self._reader.wait_for_start(self._stop)) is not None:
             start_ns, end_ns = started.t_ns, started.t_end_ns
         if checkpoint is None:
             self._log.info("prepared", seconds=self._warm_up_s)
-        return frames_known(self._settings.seconds, end_ns, start_ns or 0, self._job.fps)
+        return frames_known(self._view.seconds, end_ns, start_ns or 0, self._view.fps)
 
     def _go_on_from(self, checkpoint: Checkpoint) -> None:
         self._zero_ns, self._frame, self._t_s = checkpoint.zero_ns, checkpoint.frame, checkpoint.t_s
@@ -170,16 +156,16 @@ class LiveWorker:
         """The one that is due now."""
         if self._zero_ns is None:
             return 0
-        return max(int((time.monotonic_ns() - self._zero_ns) / NS_PER_S * self._job.fps), self._frame + 1)
+        return max(int((time.monotonic_ns() - self._zero_ns) / NS_PER_S * self._view.fps), self._frame + 1)
 
     def _due_s(self, frame: int) -> float:
         """How long until then."""
         if self._zero_ns is None:
             return 0.0
-        return frame / self._job.fps - (time.monotonic_ns() - self._zero_ns) / NS_PER_S
+        return frame / self._view.fps - (time.monotonic_ns() - self._zero_ns) / NS_PER_S
 
     def _stream_ended(self) -> bool:
-        return not self._settings.hosted and self._reader.ended is not None
+        return not self._hosted and self._reader.ended is not None
 
     def _do(self, wish: Wish) -> Reply:
         match wish:
@@ -204,9 +190,9 @@ class LiveWorker:
             return Reply(same, f"a take is running, in {self._take.folder}" + ("" if same else ": end it first"))
         if self._zero_ns is None:
             self._zero_ns = time.monotonic_ns()
-        begun = begin(self._job, self._rendering, live=True, zero_s=(wish.start_ns - self._zero_ns) / NS_PER_S)
+        begun = begin(self._view, self._rendering, live=True, zero_s=(wish.start_ns - self._zero_ns) / NS_PER_S)
         try:
-            self._take.begin(wish.folder, wish.start_ns, begun, self._settings.save, heard(self._reader))
+            self._take.begin(wish.folder, wish.start_ns, begun, frozenset(self._view.save), _heard(self._reader))
         except UNWRITABLE as error:
             self._take.trouble = f"nothing can be kept in {wish.folder}: {error}"
             self._log.error("take not begun", folder=wish.folder, error=str(error))
@@ -216,7 +202,7 @@ class LiveWorker:
     def _end(self) -> tuple[WorkerSummary | None, Reply]:
         if not self._take.runs:
             return None, Reply(False, self._take.trouble or "no take is running")
-        summary = self._take.end(heard(self._reader), self._warm_up_s)
+        summary = self._take.end(_heard(self._reader), self._warm_up_s)
         if summary is None:
             return None, Reply(False, self._take.trouble or "the take could not be ended")
         return summary, Reply(True, f"{summary.frames} frames are kept", {"frames": summary.frames})
@@ -224,7 +210,7 @@ class LiveWorker:
     def _render(self, frame: int) -> None:
         begun_ns = time.monotonic_ns()
         self._zero_ns = self._zero_ns if self._zero_ns is not None else begun_ns
-        t_s = frame / self._job.fps
+        t_s = frame / self._view.fps
         dt_s = t_s - self._t_s
         newest = self._reader.newest()
         self._state = newest or (None if self._reader.silent_s > GONE_S else self._state)
@@ -260,10 +246,10 @@ class LiveWorker:
         if self._publisher is not None:
             self._publisher.show(
                 rendered,
-                self._job.eyes,
+                EYES[self._view.eyes],
                 self._rendering.perception,
                 t_ns=begun_ns,
-                fps=self._job.fps,
+                fps=self._view.fps,
                 reached_fps=self._reached_fps(),
                 dropped=self._dropped,
                 latency=lambda: self._latency(begun_ns),
@@ -309,7 +295,7 @@ class LiveWorker:
         assert self._zero_ns is not None
         return Checkpoint(
             written_ns=time.monotonic_ns(),
-            job=self._job,
+            view=self._view,
             zero_ns=self._zero_ns,
             frame=self._frame,
             t_s=self._t_s,
@@ -321,31 +307,31 @@ class LiveWorker:
         )
 
 
-def run(
-    reader: StateReader,
-    rendering: Rendering,
-    head_path: HeadPath,
-    settings: LiveWorkerSettings,
-    stop: Stop,
-    log: structlog.typing.FilteringBoundLogger,
-    *,
-    frames: str | None = None,
-    control: str | None = None,
-    keys: ServerKeys | None = None,
-) -> WorkerSummary | None:
-    """A live worker with its sockets: `frames` for those who watch, `control` for those who ask.
+def run(config: WorkerConfig, stop: Stop, log: structlog.typing.FilteringBoundLogger) -> None:
+    """A live worker with its sockets, until it is stopped or the stream ends.
 
-    Raises PortInUseError, and OpenAddressError for an address that is not local unless there are keys.
+    Raises FrameError, SettingsError, BridgeSilentError or ShutOutError; PortInUseError, and OpenAddressError for an
+    address of its own that is not local unless there are keys.
     """
+    links = config.links
+    scene, view = open_view(config.view)
+    head_path = open_head_path(view.head)
+    rendering = Rendering(scene, view_of(view), EYES[view.eyes], config.settings, load_costs(cache_folder()))
+    if links.out is not None:
+        Path(links.out).mkdir(parents=True, exist_ok=True)
+    client_keys = None if links.keys is None else key_files.load_client(Path(links.keys))
+    keys = None if links.server_keys is None else key_files.load_server(Path(links.server_keys))
     with contextlib.ExitStack() as opened:
-        publisher = None if frames is None else LivePublisher(frames, keys)
+        reader = StateReader(links.states, links.events, keys=client_keys)
+        opened.callback(reader.close)
+        publisher = None if links.frames is None else LivePublisher(links.frames, keys)
         if publisher is not None:
             opened.callback(publisher.close)
         context: zmq.Context[zmq.Socket[bytes]] = zmq.Context() if publisher is None else publisher.context
         if publisher is None:
             opened.callback(context.term)
-        worker = LiveWorker(reader, rendering, head_path, settings, stop, log, publisher)
-        requests = None if control is None else WorkerRequests(control, keys, worker.status, context)
+        worker = LiveWorker(reader, rendering, head_path, links, view, stop, log, publisher)
+        requests = None if links.control is None else WorkerRequests(links.control, keys, worker.status, context)
         if requests is not None:
             opened.callback(requests.close)
         log.info(
@@ -354,6 +340,11 @@ def run(
             control=None if requests is None else requests.address,
         )
         summary = worker.run(requests)
-    if settings.out is not None:
-        takes.finish(settings.out)
-    return summary
+    if links.out is not None:
+        takes.finish(Path(links.out))
+    log.info("ended", **({} if summary is None else msgspec.to_builtins(summary)))
+
+
+def _heard(reader: StateReader) -> Heard:
+    """How well the bridge was heard so far."""
+    return Heard(reader.received, reader.skipped, reader.events.gaps, reader.events.lost, reader.refused)

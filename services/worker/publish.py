@@ -23,10 +23,10 @@ from entoptic.pipeline.effects.glare.window import rectangle_px
 from entoptic.services.live import messages
 from entoptic.services.live.door import Door
 from entoptic.services.live.messages import EyeShown, LatencyMs, Picture, Shown, StepShown
+from entoptic.services.rendering import Rendered
 from entoptic.services.results.frames import side_by_side
 from entoptic.services.settings import Settings
 from entoptic.services.worker import engine
-from entoptic.services.worker.rendering import Rendered
 from entoptic.tracker_bridge.access import OpenAddressError, ServerKeys, is_local
 from entoptic.tracker_bridge.publisher import KEEPALIVE, PortInUseError, bind
 from entoptic.tracker_bridge.wire import Eye

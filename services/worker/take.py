@@ -9,15 +9,15 @@ from pathlib import Path
 import structlog
 
 from entoptic.errors import EntopticError
+from entoptic.services.config import Save
 from entoptic.services.live.messages import LatencyMs
-from entoptic.services.options import Save
+from entoptic.services.rendering import Rendered
 from entoptic.services.results.finish import write_summary
 from entoptic.services.results.frames import Results
 from entoptic.services.results.moments import FILE as MOMENTS
 from entoptic.services.results.moments import Begun, Moment
 from entoptic.services.results.tally import Heard, WorkerSummary
 from entoptic.services.settings import Settings
-from entoptic.services.worker.rendering import Rendered
 
 UNWRITABLE = (OSError, EntopticError)
 

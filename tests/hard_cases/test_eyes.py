@@ -12,7 +12,7 @@ import pytest
 from hard_frames import EYE, FOV_DEG, SMALL, grey, see, textured
 
 from entoptic.pipeline import EyePose, Frame, Perceived, RenderState, View, perceive
-from entoptic.services.worker.rendering import looking_of
+from entoptic.services.rendering import looking_of
 from entoptic.tracker_bridge.chain import records_of
 from entoptic.tracker_bridge.samples import Eye, EyeState, GazeSample, Phase, PupilSample
 from entoptic.tracker_bridge.source import Item

@@ -33,7 +33,7 @@ class Bridge:
         self.publisher = Publisher(states, events)
 
     def event(self, event: Event) -> None:
-        self.publisher.publish_event(event, wait=False, stopped=never)
+        self.publisher.publish_event(event)
 
     def start(self) -> None:
         self.event(StreamStarted(0, None, "made up"))
@@ -50,10 +50,10 @@ class Bridge:
 
         def work() -> None:
             self.publisher.wait_for_reader(never)
-            self.publisher.publish_event(StreamStarted(0, count * 5 * MS, "made up"), wait=True, stopped=never)
+            self.publisher.publish_event(StreamStarted(0, count * 5 * MS, "made up"))
             for sequence in range(count):
-                self.publisher.publish_state(state(sequence), wait=True, stopped=never)
-            self.publisher.publish_event(StreamEnded((count - 1) * 5 * MS, count), wait=True, stopped=never)
+                self.publisher.publish_state(state(sequence))
+            self.publisher.publish_event(StreamEnded((count - 1) * 5 * MS, count))
             self.publisher.wait_until_left(never)
 
         thread = threading.Thread(target=work, daemon=True)
@@ -77,7 +77,7 @@ def times(events: list[Event]) -> list[int]:
 
 
 def started_reader(bridge: Bridge, connect: Callable[..., StateReader]) -> StateReader:
-    reader = connect(bridge.publisher.addresses, newest_only=True)
+    reader = connect(bridge.publisher.addresses)
     reader.subscribe()
     bridge.start()
     assert times(events_until(reader, 1, bridge.beat)) == [0]

@@ -39,7 +39,7 @@ def test_events_that_are_gone_are_counted_and_the_rest_comes(
     bridge = Bridge()
     bridge.start()
     bridge.blinks(range(1, 1000))  # 1000 events, of which 901 to 1000 are kept, and the first
-    reader = connect(bridge.publisher.addresses, newest_only=True)
+    reader = connect(bridge.publisher.addresses)
     reader.subscribe()
     assert times(events_until(reader, 101, bridge.beat)) == [0, *range(900, 1000)]
     assert reader.events.lost == 899

@@ -13,6 +13,8 @@ import msgspec
 import numpy as np
 import pytest
 import structlog
+from entoptic.services.options import Save
+from entoptic.services.worker.offline import begin
 
 from entoptic.pipeline import Display, Encoding, FrameError, RenderState, View
 from entoptic.pipeline.budget import SHIPPED
@@ -20,7 +22,7 @@ from entoptic.pipeline.optics.ocular_dynamics import SaccadeImpulse
 from entoptic.pipeline.scenes import Head, open_scene
 from entoptic.pipeline.sinks.video_parts import Part
 from entoptic.services.live.messages import LatencyMs
-from entoptic.services.options import Save
+from entoptic.services.rendering import Rendering
 from entoptic.services.results import finish as takes
 from entoptic.services.results import kept
 from entoptic.services.results.frames import Results
@@ -29,8 +31,6 @@ from entoptic.services.results.tally import Heard
 from entoptic.services.settings import Settings
 from entoptic.services.worker import again as render_again
 from entoptic.services.worker.checkpoint import Checkpoint, Job, Keeper
-from entoptic.services.worker.offline import begin
-from entoptic.services.worker.rendering import Rendering
 from entoptic.services.worker.take import WorkerTake
 from entoptic.tracker_bridge.wire import Direction, Eye, EyeState, OneEyeState, Phase
 

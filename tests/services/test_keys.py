@@ -130,7 +130,7 @@ def test_the_command_makes_both_and_says_what_to_do_with_them(tmp_path: Path) ->
 @pytest.fixture
 def guarded(out: Path) -> Iterator[Publisher]:
     publisher = Publisher(ANY, ANY, keys=keys.load_server(out / "bridge"))
-    publisher.publish_event(StreamStarted(0, None, "made up"), wait=False, stopped=never)
+    publisher.publish_event(StreamStarted(0, None, "made up"))
     yield publisher
     publisher.close()
 
@@ -139,8 +139,8 @@ def say(publisher: Publisher) -> Callable[[], bool]:
     """Publishes one of each whenever a reader asks whether to stop: it never is."""
 
     def publish() -> bool:
-        publisher.publish_state(EyeState(0, 0, ONE, ONE, None), wait=False, stopped=never)
-        publisher.publish_event(Heartbeat(0, 1, 0), wait=False, stopped=never)
+        publisher.publish_state(EyeState(0, 0, ONE, ONE, None))
+        publisher.publish_event(Heartbeat(0, 1, 0))
         return False
 
     return publish
@@ -157,7 +157,7 @@ def read_one_state(reader: StateReader, meanwhile: Callable[[], bool]) -> EyeSta
 
 
 def test_a_reader_with_a_known_key_gets_states_events_and_replays(guarded: Publisher, out: Path) -> None:
-    reader = StateReader(*guarded.addresses, newest_only=True, keys=keys.load_client(keys.make_client(out, "late")))
+    reader = StateReader(*guarded.addresses, keys=keys.load_client(keys.make_client(out, "late")))
     # Its key was added while the bridge ran; the stream's start had gone, so it comes by replay.
     assert reader.wait_for_start(say(guarded)) == StreamStarted(0, None, "made up")
     assert read_one_state(reader, say(guarded)) is not None
@@ -190,7 +190,7 @@ def test_anybody_else_gets_nothing(guarded: Publisher, out: Path, who: str) -> N
     for monitor in monitors:  # each was turned away at least once
         assert monitor.poll(PATIENCE_MS)
         recv_monitor_message(monitor)
-    reader = StateReader(*guarded.addresses, newest_only=True, keys=known)
+    reader = StateReader(*guarded.addresses, keys=known)
     assert reader.wait_for_start(say(guarded)) is not None
     assert read_one_state(reader, say(guarded)) is not None
     assert [socket.poll(50) for socket in sockets] == [0, 0, 0]
@@ -205,7 +205,7 @@ def test_a_reader_that_is_shut_out_says_so_at_once(guarded: Publisher, out: Path
         ClientKeys(*stranger(), known.bridge),
         ClientKeys(known.public, known.secret, stranger()[0]),
     ):
-        reader = StateReader(*guarded.addresses, newest_only=True, keys=wrong)
+        reader = StateReader(*guarded.addresses, keys=wrong)
         with pytest.raises(ShutOutError, match="entoptic keys"):
             reader.wait_for_start(never)
         reader.close()
@@ -214,7 +214,7 @@ def test_a_reader_that_is_shut_out_says_so_at_once(guarded: Publisher, out: Path
 def test_a_reader_with_keys_does_not_hear_a_bridge_without(out: Path) -> None:
     known = keys.load_client(keys.make_client(out, "known"))
     publisher = Publisher(ANY, ANY)
-    reader = StateReader(*publisher.addresses, newest_only=True, keys=known)
+    reader = StateReader(*publisher.addresses, keys=known)
     with pytest.raises(ShutOutError, match="has none itself"):
         reader.wait_for_start(say(publisher))
     reader.close()
@@ -223,10 +223,10 @@ def test_a_reader_with_keys_does_not_hear_a_bridge_without(out: Path) -> None:
 
 def test_with_keys_a_bridge_may_listen_to_all_the_network(out: Path) -> None:
     publisher = Publisher("tcp://*:*", "tcp://0.0.0.0:*", keys=keys.load_server(out / "bridge"))
-    publisher.publish_event(StreamStarted(0, None, "made up"), wait=False, stopped=never)
+    publisher.publish_event(StreamStarted(0, None, "made up"))
     client = keys.load_client(keys.make_client(out, "near"))
     here = [address.replace("0.0.0.0", "127.0.0.1") for address in publisher.addresses]
-    reader = StateReader(*here, newest_only=True, keys=client)
+    reader = StateReader(*here, keys=client)
     assert reader.wait_for_start(say(publisher)) is not None  # the replay's port goes with the host it reads from
     reader.close()
     publisher.close()

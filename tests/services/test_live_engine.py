@@ -25,10 +25,10 @@ from entoptic.services.live.messages import (
     Shown,
     decode,
 )
+from entoptic.services.rendering import Rendered
 from entoptic.services.settings import Settings
 from entoptic.services.worker.engine import LEAST_STEP, Held, KernelNumbers, engine_frame, engine_kernel
 from entoptic.services.worker.publish import LivePublisher
-from entoptic.services.worker.rendering import Rendered
 from entoptic.tracker_bridge.wire import Eye
 
 EXAMPLE = Path(__file__).parents[2] / "examples" / "engine_consumer.py"

@@ -14,10 +14,10 @@ from entoptic.pipeline import EyePose, Frame, Glare, GlareLevel, GlareModel, Pla
 from entoptic.services import keys
 from entoptic.services.live import messages
 from entoptic.services.live.messages import EngineFrame, EngineKernel, LatencyMs, MessageError, Picture, Shown, decode
+from entoptic.services.rendering import Rendered
 from entoptic.services.settings import Settings
 from entoptic.services.worker import publish
 from entoptic.services.worker.publish import QUEUE, LivePublisher
-from entoptic.services.worker.rendering import Rendered
 from entoptic.tracker_bridge.access import ClientKeys, OpenAddressError
 from entoptic.tracker_bridge.publisher import PortInUseError
 from entoptic.tracker_bridge.wire import Eye, EyeState, OneEyeState, Phase

@@ -51,7 +51,7 @@ def test_a_slow_reader_by_recorded_time_gets_every_state(bridge: Bridge, connect
 def test_a_reader_of_the_newest_sees_the_newest_and_the_end(
     bridge: Bridge, connect: Callable[..., StateReader]
 ) -> None:
-    reader = connect(bridge.publisher.addresses, newest_only=True)
+    reader = connect(bridge.publisher.addresses)
     thread = bridge.stream(3000)
     assert reader.wait_for_start(never) is not None
     last: EyeState | None = None
@@ -70,7 +70,7 @@ def test_a_reader_of_the_newest_sees_the_newest_and_the_end(
 def test_a_late_reader_learns_how_the_stream_began(bridge: Bridge, connect: Callable[..., StateReader]) -> None:
     bridge.start()
     bridge.blinks(range(1, 6000))  # several helpings
-    reader = connect(bridge.publisher.addresses, newest_only=True)
+    reader = connect(bridge.publisher.addresses)
     beats = threading.Event()
 
     def beat() -> None:

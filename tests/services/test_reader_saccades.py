@@ -9,7 +9,7 @@ from bridges import MS, PATIENCE_S, Bridge, LossyBridge, never, started_reader, 
 
 from entoptic.services import event_feed
 from entoptic.services.reader import BridgeSilentError, StateReader
-from entoptic.services.worker.rendering import kicks_of, looking_of
+from entoptic.services.rendering import kicks_of, looking_of
 from entoptic.tracker_bridge import bridge as eye_side
 from entoptic.tracker_bridge import replay, wire
 from entoptic.tracker_bridge.chain import Chain, Lane, records_of

@@ -5,11 +5,10 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-
-from entoptic.atomic_file import write_json
-from entoptic.services.live import takes
 from entoptic.services.live.checked import check
 from entoptic.services.live.choice import SessionChoice
+
+from entoptic.services.live import takes
 from entoptic.services.live.supervision import Gap
 from entoptic.services.report.plots import NOT_TRACKING
 from entoptic.services.results import session_file

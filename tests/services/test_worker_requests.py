@@ -20,12 +20,12 @@ from entoptic.pipeline.sinks.images import write_exr
 from entoptic.services.control import Reply, ask
 from entoptic.services.live.requests import BeginTake, EndTake, GiveStatus, Perceive
 from entoptic.services.reader import StateReader
+from entoptic.services.rendering import Rendering
 from entoptic.services.results.moments import Moment, Moments
 from entoptic.services.results.tally import WorkerSummary
 from entoptic.services.settings import Settings
 from entoptic.services.worker.checkpoint import Checkpoint, Job, Keeper
 from entoptic.services.worker.live import LiveWorker, LiveWorkerSettings
-from entoptic.services.worker.rendering import Rendering
 from entoptic.services.worker.requests import WorkerRequests
 from entoptic.tracker_bridge.wire import Eye
 
@@ -82,7 +82,7 @@ class Worked:
         )  # fmt: skip
         Keeper(folder / "checkpoint", log).write(self.before)
         rendering = Rendering(open_scene(job.scene, mean_luminance_cd_m2=10.0), job.view, job.eyes, Settings())
-        self._reader = StateReader(NOBODY, NOBODY, newest_only=True)
+        self._reader = StateReader(NOBODY, NOBODY)
         how = LiveWorkerSettings(job, frozenset(), resume=folder / "checkpoint", hosted=True)
         self.worker = LiveWorker(self._reader, rendering, open_head_path(job.head_path), how, stop, log)
         self.requests = WorkerRequests(ANY, None, self.worker.status, context)

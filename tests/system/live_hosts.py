@@ -15,9 +15,9 @@ from typing import Any
 import av
 import msgspec
 import zmq
+from entoptic.services.live.choice import SessionChoice
 
 from entoptic.services.control import ControlError, Reply, ask
-from entoptic.services.live.choice import SessionChoice
 from entoptic.services.live.registry import RunningHost
 from entoptic.services.live.requests import GiveStatus, StartSession
 from entoptic.services.results.moments import FILE as MOMENTS

@@ -9,9 +9,9 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+from entoptic.services.live.choice import SessionChoice
 from live_hosts import SMALL, LiveHost, alive, frames_of, hears_frames, live_host, ports_are_free, until
 
-from entoptic.services.live.choice import SessionChoice
 from entoptic.services.live.requests import Record, StartSession, StopRecord, StopSession
 
 ENDS_WITHIN_S = 2.5

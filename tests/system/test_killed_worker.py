@@ -10,15 +10,15 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from entoptic.services.options import Save
+from entoptic.services.worker.again import run as render_again
 
 from entoptic.services.control import ControlError, Reply, ask
 from entoptic.services.live.addresses import free_addresses
 from entoptic.services.live.requests import BeginTake, EndTake, GiveStatus, Perceive
-from entoptic.services.options import Save
 from entoptic.services.results import finish as takes
 from entoptic.services.results.moments import Moment, Moments, Resumed
 from entoptic.services.results.moments import Perceive as PerceiveRecord
-from entoptic.services.worker.again import run as render_again
 
 PATIENCE_S = 180.0
 

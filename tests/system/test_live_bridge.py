@@ -202,7 +202,7 @@ def test_live_states_are_those_of_now_and_say_when_they_were_sent(
     start: Callable[..., Running], recording: Path
 ) -> None:
     running = start("--source", recording)
-    reader = StateReader(running.ready["states"], running.ready["events"], newest_only=True)
+    reader = StateReader(running.ready["states"], running.ready["events"])
     with contextlib.closing(reader):
         reader.subscribe()
         delays_ns = []
@@ -231,7 +231,7 @@ def test_simulated_eyes_see_the_worker_s_scene_and_can_be_calibrated(
         running = start(
             "--source", "simulated", "--sees", worker.LAST_ENDPOINT.decode(), "--screens", free, "--answers", free
         )
-        reader = StateReader(running.ready["states"], running.ready["events"], newest_only=True)
+        reader = StateReader(running.ready["states"], running.ready["events"])
         reader.subscribe()
 
         def diameter_under(luminance: float, is_so: Callable[[float], bool]) -> float:

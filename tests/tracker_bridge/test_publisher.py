@@ -92,8 +92,8 @@ def subscribe(publisher: Publisher) -> Iterator[Callable[[], Subscriber]]:
         deadline = time.monotonic() + PATIENCE_MS / 1e3
         while heard:
             assert time.monotonic() < deadline
-            publisher.publish_state(state(0), wait=False, stopped=never)
-            publisher.publish_event(PROBE, wait=False, stopped=never)
+            publisher.publish_state(state(0))
+            publisher.publish_event(PROBE)
             heard = [socket for socket in heard if not socket.poll(5)]
         return subscriber
 
@@ -144,7 +144,7 @@ def test_events_are_numbered_and_heartbeats_say_how_far(
         Heartbeat(4, 7, 1),
     ]
     for event in published:
-        publisher.publish_event(event, wait=False, stopped=never)
+        publisher.publish_event(event)
     got = [one.event() for _ in published]
     assert [each.event for each in got] == published
     assert [each.sequence for each in got] == [1, 1, 2, 3, 3]
@@ -169,7 +169,7 @@ def test_a_stalled_reader_starves_nobody_and_costs_bounded_memory(
             gc.collect()
             before = resident_bytes()
         for sequence in range(first, first + batch):
-            publisher.publish_state(state(sequence), wait=False, stopped=never)
+            publisher.publish_state(state(sequence))
         got += [fast.state().sequence for _ in range(batch)]
     assert got == list(range(1, STATES_TO_FILL_ALL_QUEUES + 1))
     assert publisher.stalls >= 1
@@ -178,7 +178,7 @@ def test_a_stalled_reader_starves_nobody_and_costs_bounded_memory(
     woken, newest = [stalled.state().sequence], STATES_TO_FILL_ALL_QUEUES
     while woken[-1] <= STATES_TO_FILL_ALL_QUEUES:
         newest += 1
-        publisher.publish_state(state(newest), wait=False, stopped=never)
+        publisher.publish_state(state(newest))
         assert fast.state().sequence == newest
         while stalled.states.poll(5):
             woken.append(stalled.state().sequence)
@@ -219,9 +219,9 @@ def test_while_it_waits_for_one_reader_the_others_hear_its_heartbeat(
 ) -> None:
     monkeypatch.setattr(publishing, "HEARTBEAT_S", 0.05)
     one = subscribe()
-    publisher.publish_event(StreamStarted(0, None, "made up"), wait=True, stopped=never)
-    publisher.publish_event(Heartbeat(1, 0, 0), wait=True, stopped=never)
-    publisher.publish_event(StreamEnded(2, 0), wait=True, stopped=never)
+    publisher.publish_event(StreamStarted(0, None, "made up"))
+    publisher.publish_event(Heartbeat(1, 0, 0))
+    publisher.publish_event(StreamEnded(2, 0))
     assert [one.event().sequence for _ in range(3)] == [1, 1, 2]
     asked_to_stop = threading.Event()
     thread = threading.Thread(target=publisher.wait_until_left, args=(asked_to_stop.is_set,))
@@ -252,17 +252,17 @@ def test_the_reader_in_the_documentation_reads(
         assert f"tcp://127.0.0.1:{port}" in code
         code = code.replace(f"tcp://127.0.0.1:{port}", address)
     for event in (StreamStarted(0, None, "made up"), BlinkOnset(2, Eye.LEFT)):
-        publisher.publish_event(event, wait=False, stopped=never)
+        publisher.publish_event(event)
     ended = threading.Event()
 
     def publish() -> None:
         sequence = 0
         while not ended.is_set():
-            publisher.publish_state(state(sequence), wait=False, stopped=never)
-            publisher.publish_event(Heartbeat(sequence, sequence, 0), wait=False, stopped=never)
+            publisher.publish_state(state(sequence))
+            publisher.publish_event(Heartbeat(sequence, sequence, 0))
             sequence += 1
             if sequence == 100:
-                publisher.publish_event(StreamEnded(sequence, sequence), wait=False, stopped=never)
+                publisher.publish_event(StreamEnded(sequence, sequence))
             time.sleep(0.01)
 
     thread = threading.Thread(target=publish)

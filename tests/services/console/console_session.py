@@ -118,7 +118,7 @@ class MadeUpSession:
     def _run(self) -> None:
         sequence = 0
         while not self._stop.wait(0.01):
-            self.publisher.publish_state(state(sequence, self.phase), wait=False, stopped=never)
+            self.publisher.publish_state(state(sequence, self.phase))
             sequence += 1
             if sequence % 50 == 0:
                 self._events()
@@ -134,7 +134,7 @@ class MadeUpSession:
             BlinkOffset(now, Eye.LEFT, 150 * MS),
             SaccadeOffset(now, now - 40 * MS, now - 20 * MS, SaccadeKind.MICROSACCADE, 0.5, 40.0, 0.5, 0.0),
         ):
-            self.publisher.publish_event(event, wait=False, stopped=never)
+            self.publisher.publish_event(event)
 
     def _publish_frame(self) -> None:
         while self.frames.poll(0):

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-from console_session import MS, PATIENCE_S, MadeUpSession, Served, never, wait_for
+from console_session import MS, PATIENCE_S, MadeUpSession, Served, wait_for
 
 from entoptic.services.console.feed import KEPT_S, Timeline
 from entoptic.services.console.figures import Figures
@@ -22,9 +22,9 @@ def test_a_console_that_comes_late_tells_only_what_is_news(
     hours_ago_ns = time.monotonic_ns() - 2 * 3600 * NS_PER_S
     for number in range(6000):
         event = BlinkOffset(hours_ago_ns + number * 100 * MS, Eye.LEFT, 150 * MS)
-        session.publisher.publish_event(event, wait=False, stopped=never)
+        session.publisher.publish_event(event)
     old = TrackerTask(hours_ago_ns, TaskKind.GAZE_CALIBRATION, TaskOutcome.STARTED, "hours ago")
-    session.publisher.publish_event(old, wait=False, stopped=never)
+    session.publisher.publish_event(old)
     served = serve(Places(None, session.addresses))
     with served.page() as page:
         page.read()

@@ -129,6 +129,12 @@ def looking_of(state: EyeState | None, eye: Eye, impulses: tuple[SaccadeImpulse,
     return EyePose(gaze.azimuth_deg, gaze.elevation_deg, one.diameter_mm, openness, impulses)
 
 
+def frames_known(seconds: float | None, end_ns: int | None, start_ns: int, fps: float) -> int | None:
+    """How many frames are asked for or there are, whichever is less; None if neither is known."""
+    lasts_s = [lasts for lasts in (seconds, None if end_ns is None else (end_ns - start_ns) / NS_PER_S) if lasts]
+    return max(round(min(lasts_s) * fps), 1) if lasts_s else None
+
+
 def gaze_deg(state: EyeState | None) -> tuple[float, float] | None:
     """Where both eyes look, for a head that follows them."""
     return None if state is None or state.gaze is None else (state.gaze.azimuth_deg, state.gaze.elevation_deg)

@@ -1,0 +1,172 @@
+"""The fields of a record as data: what command lines, the console's forms and the documents are made of."""
+
+from __future__ import annotations
+
+import ast
+import dataclasses
+import enum
+import functools
+import inspect
+import itertools
+import math
+import textwrap
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+import msgspec
+from msgspec import inspect as types
+
+
+@dataclasses.dataclass(frozen=True)
+class Leaf:
+    """One value of a record, or of a record in it."""
+
+    path: str
+    """Like `view.fps`."""
+    kind: type
+    """float, int, bool, str or an enumeration."""
+    default: Any
+    """As built-in types; msgspec.NODEFAULT where it must be given."""
+    many: bool
+    """Any number of values."""
+    optional: bool
+    """None is allowed."""
+    low: float | None
+    high: float | None
+    low_open: bool
+    """`low` itself is not allowed."""
+    title: str | None
+    description: str
+    extra: Mapping[str, Any]
+    """What msgspec.Meta has as `extra`: how a command line or a form shows it."""
+
+    @property
+    def name(self) -> str:
+        """Its own name, the last part of its path."""
+        return self.path.rpartition(".")[2]
+
+
+def is_record(kind: object) -> bool:
+    """Whether a type is a record."""
+    return isinstance(kind, type) and issubclass(kind, msgspec.Struct)
+
+
+@functools.cache
+def leaves(record: type[msgspec.Struct]) -> tuple[Leaf, ...]:
+    """All values of a record, in order, those of the records in it where they stand."""
+    return tuple(_leaves(record, ""))
+
+
+def _leaves(record: type[msgspec.Struct], prefix: str) -> Iterator[Leaf]:
+    described = types.type_info(record)
+    assert isinstance(described, types.StructType)
+    for field in described.fields:
+        path = prefix + field.name
+        if isinstance(field.type, types.StructType):
+            yield from _leaves(field.type.cls, f"{path}.")
+        else:
+            default = field.default if field.default_factory is msgspec.NODEFAULT else field.default_factory()
+            default = default if default is msgspec.NODEFAULT else msgspec.to_builtins(default, order="deterministic")
+            yield _leaf(path, field.type, default, sentences(record).get(field.name, ""))
+
+
+def leaf_of(name: str, kind: Any, default: Any) -> Leaf:
+    """A single value of a type that Annotated and msgspec.Meta describe."""
+    return _leaf(name, types.type_info(kind), default, "")
+
+
+def _leaf(path: str, kind: types.Type, default: Any, sentence: str) -> Leaf:
+    meta: dict[str, Any] = {}
+    extra: dict[str, Any] = {}
+    optional = many = False
+    while True:
+        match kind:
+            case types.Metadata():
+                # What is said outside counts.
+                meta = {**(kind.extra_json_schema or {}), **meta}
+                extra = {**(kind.extra or {}), **extra}
+                kind = kind.type
+            case types.UnionType():
+                (kind,) = (one for one in kind.types if not isinstance(one, types.NoneType))
+                optional = True
+            case types.FrozenSetType() | types.VarTupleType() | types.ListType():
+                kind, many = kind.item_type, True
+            case _:
+                break
+    low, low_open, high = _range(kind) if isinstance(kind, types.FloatType | types.IntType) else (None, False, None)
+    return Leaf(
+        path,
+        _python_type(path, kind),
+        default,
+        many,
+        optional,
+        low,
+        high,
+        low_open,
+        meta.get("title"),
+        meta.get("description", sentence),
+        extra,
+    )
+
+
+def _python_type(path: str, kind: types.Type) -> type:
+    match kind:
+        case types.FloatType():
+            return float
+        case types.IntType():
+            return int
+        case types.BoolType():
+            return bool
+        case types.StrType():
+            return str
+        case types.EnumType():
+            return kind.cls
+    raise TypeError(f"{path}: nothing shows a value of {kind}")
+
+
+def _range(kind: types.FloatType | types.IntType) -> tuple[float | None, bool, float | None]:
+    """The lowest value, whether it is itself too low, and the highest one."""
+    whole = isinstance(kind, types.IntType)
+    low, high, low_open = kind.ge, kind.le, False
+    if low is None and kind.gt is not None:
+        low, low_open = (kind.gt + 1, False) if whole else (kind.gt, True)
+    if high is None and kind.lt is not None:
+        high = kind.lt - 1 if whole else math.nextafter(kind.lt, -math.inf)
+    return low, low_open, high
+
+
+def nested(values: Mapping[str, Any]) -> dict[str, Any]:
+    """Values by path as tables in tables, as msgspec.convert takes them."""
+    tables: dict[str, Any] = {}
+    for path, value in values.items():
+        *outer, name = path.split(".")
+        table = tables
+        for each in outer:
+            table = table.setdefault(each, {})
+        table[name] = value
+    return tables
+
+
+@functools.cache
+def sentences(record: type) -> dict[str, str]:
+    """The string under each field or member, where that is not in its Meta; Python itself does not keep those."""
+    try:
+        tree = ast.parse(textwrap.dedent(inspect.getsource(record)))
+    except (OSError, SyntaxError):
+        return {}
+    (body,) = (node.body for node in tree.body if isinstance(node, ast.ClassDef))
+    found = {}
+    for statement, below in itertools.pairwise(body):
+        target: ast.expr | None = None
+        if isinstance(statement, ast.AnnAssign):
+            target = statement.target
+        elif isinstance(statement, ast.Assign) and len(statement.targets) == 1:
+            target = statement.targets[0]
+        if isinstance(target, ast.Name) and isinstance(below, ast.Expr) and isinstance(below.value, ast.Constant):
+            found[target.id] = " ".join(str(below.value.value).split())
+    return found
+
+
+def options_of(kind: type[enum.Enum]) -> tuple[tuple[str, str], ...]:
+    """The values of an enumeration, each with a sentence that may be empty."""
+    return tuple((str(member.value), sentences(kind).get(member.name, "")) for member in kind)
