@@ -46,15 +46,21 @@ class Bridge:
         self.event(Heartbeat(0, 0, 0))
 
     def stream(self, count: int) -> threading.Thread:
-        """Waits for a reader and publishes losslessly, from a thread of its own."""
+        """Publishes once somebody reads, from a thread of its own, and says to the end that it is there."""
 
         def work() -> None:
-            self.publisher.wait_for_reader(never)
+            while not self.publisher.readers:
+                self.beat()
+                time.sleep(0.01)
             self.publisher.publish_event(StreamStarted(0, count * 5 * MS, "made up"))
             for sequence in range(count):
                 self.publisher.publish_state(state(sequence))
             self.publisher.publish_event(StreamEnded((count - 1) * 5 * MS, count))
-            self.publisher.wait_until_left(never)
+            while self.publisher.readers:
+                # One whose queue was full has missed it.
+                self.publisher.publish_state(state(count - 1))
+                self.beat()
+                time.sleep(0.01)
 
         thread = threading.Thread(target=work, daemon=True)
         thread.start()
@@ -105,8 +111,8 @@ class LossyBridge:
         return wire.encode_event(event, stream=stream, sequence=sequence, replay_port=self.port)
 
 
-def subscribed(lossy: LossyBridge, connect: Callable[..., StateReader], *, newest_only: bool = True) -> StateReader:
-    reader = connect(lossy.addresses, newest_only=newest_only)
+def subscribed(lossy: LossyBridge, connect: Callable[..., StateReader]) -> StateReader:
+    reader = connect(lossy.addresses)
     reader.subscribe()
     lossy.wait_for_reader()
     return reader

@@ -19,8 +19,8 @@ def bridge() -> Iterator[Bridge]:
 def connect() -> Iterator[Callable[..., StateReader]]:
     made: list[StateReader] = []
 
-    def reader_of(addresses: tuple[str, str], *, newest_only: bool) -> StateReader:
-        made.append(StateReader(*addresses, newest_only=newest_only))
+    def reader_of(addresses: tuple[str, str]) -> StateReader:
+        made.append(StateReader(*addresses))
         return made[-1]
 
     yield reader_of

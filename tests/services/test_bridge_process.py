@@ -2,7 +2,6 @@
 
 import contextlib
 import csv
-import dataclasses
 import json
 import resource
 from collections.abc import Callable, Iterator
@@ -12,9 +11,8 @@ import pytest
 import structlog
 
 from entoptic.services.bridge import process as bridge
-from entoptic.services.bridge.process import BridgeSettings
+from entoptic.services.config import BridgeConfig
 from entoptic.services.process import Stop
-from entoptic.tracker_bridge.chain import Lane
 from entoptic.tracker_bridge.samples import Eye, GazeSample, PupilSample
 from entoptic.tracker_bridge.source import Item, SourceError, SourceInfo, Tick
 
@@ -47,11 +45,12 @@ Run = Callable[..., list[dict[str, object]]]
 
 
 @pytest.fixture
-def run() -> Run:
+def run(monkeypatch: pytest.MonkeyPatch) -> Run:
     def one(source: Tracker, **changes: object) -> list[dict[str, object]]:
-        asked = BridgeSettings(ANY, ANY, None, ANY, None, Lane.LIVE, None, source.info.live, False, None, None, None)
+        monkeypatch.setattr(bridge, "open_eyes", lambda *given, **more: source)
+        monkeypatch.setattr(bridge, "open_live_eyes", lambda *given, **more: source)
         with structlog.testing.capture_logs() as said:
-            bridge.run(source, dataclasses.replace(asked, **changes), Stop(), structlog.get_logger())
+            bridge.run(BridgeConfig(**changes), Stop(), structlog.get_logger())
         return list(said)
 
     return one
@@ -65,7 +64,7 @@ def rows(path: Path) -> list[dict[str, str]]:
 @pytest.mark.parametrize("live", [False, True])
 def test_tables_are_made_with_their_folder_and_begin_at_nought(run: Run, tmp_path: Path, live: bool) -> None:
     folder = tmp_path / "new" / "tables"
-    said = run(Tracker(live=live), tables=folder)
+    said = run(Tracker(live=live), tables=str(folder))
     states, events = rows(folder / "states.csv"), rows(folder / "events.csv")
     assert len(states) == 200
     assert (events[0]["t_s"], events[0]["event"], events[-1]["event"]) == ("0.000000", "StreamStarted", "StreamEnded")
@@ -75,7 +74,7 @@ def test_tables_are_made_with_their_folder_and_begin_at_nought(run: Run, tmp_pat
 
 
 def test_a_recording_is_as_long_as_what_it_holds_and_what_it_lacks_is_said(run: Run, tmp_path: Path) -> None:
-    said = run(Tracker(), recording=tmp_path / "kept")
+    said = run(Tracker(), record=str(tmp_path / "kept"))
     info = json.loads((tmp_path / "kept" / "info.player.json").read_text())
     assert info["duration_s"] == pytest.approx(0.995)
     assert [line["directions_beyond_90_deg_left_out"] for line in said if line["event"] == "recording"] == [1]
@@ -95,21 +94,25 @@ def no_file_over(count: int) -> Iterator[None]:
 def test_tables_that_cannot_be_written_are_one_clear_error_and_free_the_tracker(run: Run, tmp_path: Path) -> None:
     (tmp_path / "file").touch()
     with pytest.raises(SourceError, match=r"file cannot be written.*--tables"):
-        run(Tracker(), tables=tmp_path / "file")
+        run(Tracker(), tables=str(tmp_path / "file"))
     source = Tracker()
     with no_file_over(2000), pytest.raises(SourceError, match="File too large; make room"):
-        run(source, tables=tmp_path / "tables")
+        run(source, tables=str(tmp_path / "tables"))
     assert 20 < source.taken < 200
     assert not source.is_open
     assert 5 < len(rows(tmp_path / "tables" / "states.csv")) < 200
 
 
-def test_a_live_tracker_waits_for_no_reader(run: Run) -> None:
-    with pytest.raises(SourceError, match="leave --pace out"):
-        run(Tracker(live=True), real_time=False, wait_for_reader=True)
-
-
-def test_what_a_light_is_for_is_said(run: Run) -> None:
-    seen = bridge.LiveBridgeSettings(sees_address="tcp://127.0.0.1:9")
-    with pytest.raises(SourceError, match="leave --sees out"):
-        run(Tracker(live=True), live=seen)
+@pytest.mark.parametrize(
+    ("given", "said"),
+    [
+        ({"live": True, "sees": "tcp://127.0.0.1:9"}, "leave --sees out"),
+        ({"sees": "tcp://127.0.0.1:9"}, "--sees is for a live session: add --live"),
+        ({"begun_ns": 1}, "--begun-ns is for a live session"),
+        ({"live": True, "screens": ANY}, "--screens and --answers are of use together"),
+        ({"live": True, "reader_keys": "keys/"}, "--reader-keys are for the worker"),
+    ],
+)
+def test_what_goes_with_other_options_alone_is_said(run: Run, given: dict[str, object], said: str) -> None:
+    with pytest.raises(SourceError, match=said):
+        run(Tracker(live=True), **given)

@@ -13,30 +13,32 @@ import msgspec
 import numpy as np
 import pytest
 import structlog
-from entoptic.services.options import Save
-from entoptic.services.worker.offline import begin
 
-from entoptic.pipeline import Display, Encoding, FrameError, RenderState, View
+from entoptic.pipeline import Display, Encoding, FrameError, RenderState
 from entoptic.pipeline.budget import SHIPPED
 from entoptic.pipeline.optics.ocular_dynamics import SaccadeImpulse
 from entoptic.pipeline.scenes import Head, open_scene
 from entoptic.pipeline.sinks.video_parts import Part
+from entoptic.services.config import Eyes, Save, ViewConfig
 from entoptic.services.live.messages import LatencyMs
+from entoptic.services.process import Stop
 from entoptic.services.rendering import Rendering
 from entoptic.services.results import finish as takes
 from entoptic.services.results import kept
 from entoptic.services.results.frames import Results
-from entoptic.services.results.moments import Moment, Moments, MomentsError
+from entoptic.services.results.moments import Moment, Moments, MomentsError, begin
 from entoptic.services.results.tally import Heard
+from entoptic.services.session.again import render
+from entoptic.services.session.watch import Work
+from entoptic.services.session_config import EYES, view_of
 from entoptic.services.settings import Settings
-from entoptic.services.worker import again as render_again
-from entoptic.services.worker.checkpoint import Checkpoint, Job, Keeper
+from entoptic.services.worker.checkpoint import Checkpoint, Keeper
 from entoptic.services.worker.take import WorkerTake
-from entoptic.tracker_bridge.wire import Direction, Eye, EyeState, OneEyeState, Phase
+from entoptic.tracker_bridge.wire import Direction, EyeState, OneEyeState, Phase
 
 FPS = 20.0
 LEFT_OUT = ["acuity", "night_colour", "rod_noise"]  # each takes seconds to compile
-JOB = Job("night-street", None, View(32, 24, 90.0), FPS, (Eye.LEFT, Eye.RIGHT), "still")
+VIEW = ViewConfig(width_px=32, height_px=24, fov_deg=90.0, fps=FPS, eyes=Eyes.BOTH, head="still")
 SAVE = frozenset({Save.VIDEO})
 HEARD = Heard(0, 0, 0, 0, {})
 
@@ -57,7 +59,7 @@ class Session:
     """What a live worker does, without its clock."""
 
     def __init__(self, perception: Settings) -> None:
-        self.rendering = Rendering(open_scene(JOB.scene), JOB.view, JOB.eyes, perception)
+        self.rendering = Rendering(open_scene(VIEW.scene), view_of(VIEW), EYES[VIEW.eyes], perception)
         self.t_s = 0.0
 
     def frames(self, results: Results, numbers: list[int]) -> None:
@@ -75,7 +77,7 @@ class Session:
 
     def checkpoint(self) -> Checkpoint:
         return Checkpoint(
-            written_ns=time.monotonic_ns(), job=JOB, zero_ns=1, frame=0, t_s=self.t_s, dropped=0, head=Head(),
+            written_ns=time.monotonic_ns(), view=VIEW, zero_ns=1, frame=0, t_s=self.t_s, dropped=0, head=Head(),
             perception=self.rendering.perception, costs=self.rendering.costs, state=self.rendering.kept_memory,
         )  # fmt: skip
 
@@ -91,10 +93,10 @@ def take(tmp_path_factory: pytest.TempPathFactory) -> Path:
     with contextlib.ExitStack() as nothing:
         (root / "before").mkdir()
         session.frames(
-            nothing.enter_context(Results(root / "before", begin(JOB, session.rendering, live=True), SAVE, parts=True)),
+            nothing.enter_context(Results(root / "before", begin(VIEW, session.rendering, live=True), SAVE, parts=True)),
             [0, 1],
         )
-    results = Results(folder, begin(JOB, session.rendering, live=True, zero_s=2 / FPS), SAVE, parts=True)
+    results = Results(folder, begin(VIEW, session.rendering, live=True, zero_s=2 / FPS), SAVE, parts=True)
     session.frames(results, [2, 3, 6])
     changed = settings(budget_ms=3.0)
     session.rendering.perception = changed
@@ -107,11 +109,11 @@ def take(tmp_path_factory: pytest.TempPathFactory) -> Path:
     for name in ("moments.msgpack", "plan.csv"):
         with (folder / name).open("ab") as file:
             file.write(b"\x87\xa2" if name.startswith("m") else b"13,0.5")
-    remembered = keeper.read(JOB)
+    remembered = keeper.read(VIEW)
     assert remembered is not None
     anew = Session(remembered.perception)
     anew.rendering.costs, anew.rendering.memory, anew.t_s = remembered.costs, remembered.state, remembered.t_s
-    with Results(folder, begin(JOB, anew.rendering, live=True, zero_s=2 / FPS), SAVE, parts=True) as results:
+    with Results(folder, begin(VIEW, anew.rendering, live=True, zero_s=2 / FPS), SAVE, parts=True) as results:
         anew.frames(results, [40, 41, 42])
     takes.write_summary(results.summary(HEARD, None), folder)
     return folder
@@ -120,11 +122,14 @@ def take(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def test_a_take_is_rendered_again_to_the_bit(take: Path, tmp_path: Path) -> None:
     digests = [record.sha256 for record in Moments(take / "moments.msgpack") if isinstance(record, Moment)]
     assert len(set(digests)) == 11
-    again = render_again.run(take, tmp_path, SAVE, lambda: False, structlog.get_logger())  # type: ignore[arg-type]
-    assert again.first_different is None
-    assert again.summary.frames == 11
-    assert again.summary.dropped_frames == 30
-    assert bytes.fromhex(again.summary.perceived_sha256) == digests[-1]
+    assert rendered_again(take, tmp_path, SAVE) is None
+    summary = json.loads((tmp_path / "worker.json").read_text())
+    assert (summary["frames"], summary["dropped_frames"]) == (11, 30)
+    assert bytes.fromhex(summary["perceived_sha256"]) == digests[-1]
+
+
+def rendered_again(before: Path, out: Path, save: frozenset[Save] = frozenset()) -> int | None:
+    return render(before, out, save, None, Stop(), Work())
 
 
 def test_a_frame_that_is_another_is_named(take: Path, tmp_path: Path) -> None:
@@ -137,10 +142,9 @@ def test_a_frame_that_is_another_is_named(take: Path, tmp_path: Path) -> None:
             records[k] = msgspec.structs.replace(record, head=Head(30.0, 0.0, 0.0))
     (tmp_path / "other" / "moments.msgpack").write_bytes(b"".join(kept.encode(record) for record in records))
     (tmp_path / "new").mkdir()
-    again = render_again.run(tmp_path / "other", tmp_path / "new", frozenset(), lambda: False, structlog.get_logger())  # type: ignore[arg-type]
-    assert again.first_different == 9
+    assert rendered_again(tmp_path / "other", tmp_path / "new") == 9
     with pytest.raises(MomentsError, match="name another folder"):
-        render_again.run(take, take, frozenset(), lambda: False, structlog.get_logger())  # type: ignore[arg-type]
+        rendered_again(take, take)
 
 
 def test_a_take_is_finished_into_one_film(take: Path, tmp_path: Path) -> None:
@@ -206,7 +210,7 @@ def test_a_frame_whose_row_was_lost_counts(take: Path, tmp_path: Path) -> None:
 def test_an_old_last_word_is_not_believed(take: Path, tmp_path: Path) -> None:
     shutil.copytree(take, tmp_path / "take")
     session = Session(settings())
-    with Results(tmp_path / "take", begin(JOB, session.rendering, live=True), SAVE, parts=True):
+    with Results(tmp_path / "take", begin(VIEW, session.rendering, live=True), SAVE, parts=True):
         assert not (tmp_path / "take" / "worker.json").exists()
 
 
@@ -249,17 +253,17 @@ def test_a_checkpoint_of_no_use_is_ignored(tmp_path: Path) -> None:
     session, path = Session(settings()), tmp_path / "checkpoint"
     with structlog.testing.capture_logs() as said:
         keeper = Keeper(path, structlog.get_logger())
-        assert keeper.read(JOB) is None
+        assert keeper.read(VIEW) is None
         assert said == []
         keeper.write(session.checkpoint())
-        assert keeper.read(JOB) is not None
+        assert keeper.read(VIEW) is not None
         data = path.read_bytes()
-        assert keeper.read(msgspec.structs.replace(JOB, fps=30.0)) is None
+        assert keeper.read(msgspec.structs.replace(VIEW, fps=30.0)) is None
         for broken in (b"", data[: len(data) // 2], b"\xc1" * 50, b"{}", msgspec.msgpack.encode({"entoptic": 1})):
             path.write_bytes(broken)
-            assert keeper.read(JOB) is None
+            assert keeper.read(VIEW) is None
         keeper.write(msgspec.structs.replace(session.checkpoint(), written_ns=2**62))
-        assert keeper.read(JOB) is None
+        assert keeper.read(VIEW) is None
     assert [one["event"] for one in said] == ["checkpoint ignored"] * 7
     assert "another scene" in said[0]["why"]
     assert "before this machine" in said[-1]["why"]
@@ -299,7 +303,7 @@ def test_a_take_whose_folder_is_gone_ends_and_says_so(tmp_path: Path) -> None:
     kept_take = WorkerTake(structlog.get_logger())
     folder = tmp_path / "take"
     folder.mkdir()
-    kept_take.begin(str(folder), 0, begin(JOB, session.rendering, live=True), SAVE, HEARD)
+    kept_take.begin(str(folder), 0, begin(VIEW, session.rendering, live=True), SAVE, HEARD)
     rendered = session.rendering.render(0, 0.0, 0.0, Head(), None, ())
     kept_take.add(rendered, Moment(0, 0.0, 0.0, Head(), None, (), 0))
     kept_take.note(rendered, None)
@@ -312,9 +316,9 @@ def test_a_take_whose_folder_is_gone_ends_and_says_so(tmp_path: Path) -> None:
     assert str(folder) in kept_take.trouble
     assert kept_take.end(HEARD, None) is None
     with pytest.raises((OSError, FrameError)):
-        kept_take.begin(str(folder), 0, begin(JOB, session.rendering, live=True), SAVE, HEARD)
+        kept_take.begin(str(folder), 0, begin(VIEW, session.rendering, live=True), SAVE, HEARD)
     folder.mkdir()
-    kept_take.begin(str(folder), 0, begin(JOB, session.rendering, live=True), SAVE, HEARD)
+    kept_take.begin(str(folder), 0, begin(VIEW, session.rendering, live=True), SAVE, HEARD)
     assert kept_take.trouble is None
     assert kept_take.end(HEARD, 1.0) is not None
     assert json.loads((folder / "worker.json").read_text())["frames"] == 0

@@ -4,15 +4,17 @@ import re
 from pathlib import Path
 from typing import Any
 
+import msgspec
 import pytest
-from entoptic.services.live.checked import check
-from entoptic.services.live.choice import SessionChoice
 
+from entoptic.atomic_file import write_json
 from entoptic.services.live import takes
 from entoptic.services.live.supervision import Gap
 from entoptic.services.report.plots import NOT_TRACKING
 from entoptic.services.results import session_file
 from entoptic.services.results.finish import finish
+from entoptic.services.session_config import SessionConfig, open_session
+from entoptic.services.settings import Settings
 from entoptic.tracker_bridge.wire import Phase
 
 
@@ -30,7 +32,7 @@ right_phase,right_diameter_mm,right_measured_mm,left_phase,left_diameter_mm,left
 @pytest.fixture
 def folder(tmp_path: Path) -> Path:
     """A take without frames, whose host was ended by force while the worker was away."""
-    made = takes.make(tmp_path / "take", check(SessionChoice()))
+    made = takes.make(tmp_path / "take", open_session(SessionConfig()))
     takes.note_meanwhile(made, 0, [Gap("worker", 2 * 10**9, None, "it was killed")])
     (made / "states.csv").write_text(STATES)
     gaps = [{"from_s": 0.5 * k, "to_s": 0.5 * k + 0.2} for k in range(1, 20)]
@@ -75,24 +77,24 @@ def test_a_damaged_file_is_named(folder: Path, name: str, text: str, said: str) 
 
 
 def test_a_take_has_the_settings_and_the_pupil_map_of_its_own_time(tmp_path: Path) -> None:
-    checked = check(SessionChoice())
+    opened = open_session(SessionConfig())
     (tmp_path / "curve.csv").write_text("log10_cd_m2,share\n-2,0.0\n2,1.0\n")
     (tmp_path / "map.toml").write_text("calibrated since")
     settings: dict[str, Any] = {
         "tone": {"operator": "curve", "curve": str(tmp_path / "curve.csv")},
         "observer": {"age_years": 71.0},
     }
-    now = takes.as_of_now(checked, {"settings": settings}, {"pupil_map": str(tmp_path / "map.toml")})
+    now = takes.as_of_now(opened, {"settings": settings}, {"pupil_map": str(tmp_path / "map.toml")})
     folder = takes.make(tmp_path / "take", now)
-    assert takes.keep_inputs(folder, now) is None
+    assert takes.keep_inputs(folder, now.config) is None
     assert "age_years = 71.0" in (folder / "settings.toml").read_text()
     kept = session_file.read(folder)
-    assert kept.choice.settings == settings
+    assert msgspec.convert(settings, Settings) == kept.config.settings == now.config.settings
     assert {one.what for one in kept.inputs} == {"tone curve", "pupil map"}
-    assert takes.told(kept, takes.HostNotes(), finish(folder))["perception"] == settings
+    assert takes.told(kept, takes.HostNotes(), finish(folder))["perception"]["observer"]["age_years"] == 71.0
     # Those of the start where nobody says anything else.
-    assert takes.as_of_now(checked, {}, {"pupil_map": None}) == dataclasses.replace(checked)
-    assert takes.as_of_now(checked, {"settings": {"legs": 4}}, {}) == checked
+    assert takes.as_of_now(opened, {}, {"pupil_map": None}) == dataclasses.replace(opened)
+    assert takes.as_of_now(opened, {"settings": {"legs": 4}}, {}) == opened
 
 
 def test_what_cannot_be_kept_is_refused_before_anything_is_made(tmp_path: Path) -> None:

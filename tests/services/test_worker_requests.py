@@ -12,22 +12,22 @@ import pytest
 import structlog
 import zmq
 
-from entoptic.pipeline import View
 from entoptic.pipeline.budget import SHIPPED
-from entoptic.pipeline.scenes import Head, open_scene
+from entoptic.pipeline.scenes import Head
 from entoptic.pipeline.scenes.head_path import open_head_path
 from entoptic.pipeline.sinks.images import write_exr
+from entoptic.services.config import ViewConfig, WorkerLinks
 from entoptic.services.control import Reply, ask
 from entoptic.services.live.requests import BeginTake, EndTake, GiveStatus, Perceive
 from entoptic.services.reader import StateReader
 from entoptic.services.rendering import Rendering
 from entoptic.services.results.moments import Moment, Moments
 from entoptic.services.results.tally import WorkerSummary
+from entoptic.services.session_config import EYES, open_view, view_of
 from entoptic.services.settings import Settings
-from entoptic.services.worker.checkpoint import Checkpoint, Job, Keeper
-from entoptic.services.worker.live import LiveWorker, LiveWorkerSettings
+from entoptic.services.worker.checkpoint import Checkpoint, Keeper
+from entoptic.services.worker.live import LiveWorker
 from entoptic.services.worker.requests import WorkerRequests
-from entoptic.tracker_bridge.wire import Eye
 
 ANY = "tcp://127.0.0.1:*"
 NOBODY = "tcp://127.0.0.1:9"
@@ -75,16 +75,20 @@ class Worked:
         now_ns = time.monotonic_ns()
         scene = folder / "scene.exr"
         write_exr(scene, np.full((32, 64, 3), 10.0, np.float32))
-        job = Job(str(scene), 10.0, View(32, 24, 90.0), 20.0, (Eye.LEFT,), "still")
+        view = ViewConfig(
+            scene=str(scene), mean_luminance_cd_m2=10.0, width_px=32, height_px=24, fov_deg=90.0, fps=20.0, head="still",
+            save=(),
+        )  # fmt: skip
         self.before = Checkpoint(
-            written_ns=now_ns, job=job, zero_ns=now_ns - 10 * 10**9, frame=100, t_s=5.0, dropped=7, head=Head(),
+            written_ns=now_ns, view=view, zero_ns=now_ns - 10 * 10**9, frame=100, t_s=5.0, dropped=7, head=Head(),
             perception=QUICK, costs=SHIPPED, state=None,
         )  # fmt: skip
         Keeper(folder / "checkpoint", log).write(self.before)
-        rendering = Rendering(open_scene(job.scene, mean_luminance_cd_m2=10.0), job.view, job.eyes, Settings())
+        opened, _ = open_view(view)
+        rendering = Rendering(opened, view_of(view), EYES[view.eyes], Settings())
         self._reader = StateReader(NOBODY, NOBODY)
-        how = LiveWorkerSettings(job, frozenset(), resume=folder / "checkpoint", hosted=True)
-        self.worker = LiveWorker(self._reader, rendering, open_head_path(job.head_path), how, stop, log)
+        links = WorkerLinks(states=NOBODY, events=NOBODY, control=ANY, resume=str(folder / "checkpoint"))
+        self.worker = LiveWorker(self._reader, rendering, open_head_path(view.head), links, view, stop, log)
         self.requests = WorkerRequests(ANY, None, self.worker.status, context)
 
     def run(self) -> WorkerSummary | None:

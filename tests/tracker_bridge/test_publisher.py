@@ -188,52 +188,6 @@ def test_a_stalled_reader_starves_nobody_and_costs_bounded_memory(
     assert len(old) < STATES_TO_FILL_ALL_QUEUES
 
 
-def test_where_it_may_wait_nothing_is_lost_and_it_can_be_told_to_stop(
-    publisher: Publisher, subscribe: Callable[[], Subscriber]
-) -> None:
-    slow = subscribe()
-    sent, asked_to_stop = [0], threading.Event()
-
-    def publish() -> None:
-        while not asked_to_stop.is_set():
-            publisher.publish_state(state(sent[0] + 1), wait=True, stopped=asked_to_stop.is_set)
-            sent[0] += 1
-
-    thread = threading.Thread(target=publish)
-    thread.start()
-    standing = -1
-    while standing != sent[0]:  # until it waits
-        standing = sent[0]
-        time.sleep(0.3)
-    # The bridge's thread waits for a reader, and lost events are to be had all the same.
-    assert slow.ask(1) == wire.Replayed(())
-    assert [slow.state().sequence for _ in range(standing)] == list(range(1, standing + 1))
-    assert slow.state().sequence == standing + 1
-    asked_to_stop.set()
-    thread.join(20)
-    assert not thread.is_alive()
-
-
-def test_while_it_waits_for_one_reader_the_others_hear_its_heartbeat(
-    publisher: Publisher, subscribe: Callable[[], Subscriber], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(publishing, "HEARTBEAT_S", 0.05)
-    one = subscribe()
-    publisher.publish_event(StreamStarted(0, None, "made up"))
-    publisher.publish_event(Heartbeat(1, 0, 0))
-    publisher.publish_event(StreamEnded(2, 0))
-    assert [one.event().sequence for _ in range(3)] == [1, 1, 2]
-    asked_to_stop = threading.Event()
-    thread = threading.Thread(target=publisher.wait_until_left, args=(asked_to_stop.is_set,))
-    thread.start()
-    for _ in range(3):
-        beat = one.event()
-        assert (beat.event, beat.sequence) == (Heartbeat(1, 0, 0), 2)
-    one.close()  # and nobody is left
-    thread.join(20)
-    assert not thread.is_alive()
-
-
 def test_a_long_request_and_parts_harm_nobody(publisher: Publisher, subscribe: Callable[[], Subscriber]) -> None:
     one, other = subscribe(), subscribe()
     one.replay.send(b"x" * (publishing.MAX_REQUEST_BYTES + 1))

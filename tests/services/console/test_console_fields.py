@@ -5,9 +5,10 @@ from typing import Annotated
 import msgspec
 import pytest
 
-from entoptic.services.console import fields as module
-from entoptic.services.console.fields import FIRST, SLIDERS, changed, fields
-from entoptic.services.settings import Settings
+from entoptic.services.console.fields import FIRST, SLIDERS, fields, session_fields
+from entoptic.services.records import leaves as leaves_of
+from entoptic.services.session_config import SessionConfig
+from entoptic.services.settings import Settings, changed
 
 NUMBERS = [field for field in fields() if field.kind in ("number", "int")]
 
@@ -47,7 +48,7 @@ def test_limits_that_are_not_values_themselves_are_honoured() -> None:
         whole: Annotated[int, msgspec.Meta(gt=2, lt=8)] = 3
         broken: Annotated[float, msgspec.Meta(gt=0.0, lt=1.0)] = 0.5
 
-    whole, broken = module._of(Limited, "", "")
+    whole, broken = leaves_of(Limited)
     assert (whole.low, whole.high, whole.low_open) == (3, 7, False)
     assert (broken.low, broken.low_open) == (0.0, True)
     assert broken.high is not None
@@ -96,3 +97,15 @@ def test_changes_leave_the_rest_and_wrong_ones_say_why() -> None:
     ):
         with pytest.raises(ValueError, match=said):
             changed(Settings(), changes)
+
+
+def test_a_session_s_form_has_all_that_a_session_has_beside_its_settings() -> None:
+    defaults = leaves(msgspec.to_builtins(SessionConfig()))
+    beside = {path: value for path, value in defaults.items() if not path.startswith("settings.")}
+    assert {field.path: field.default for field in session_fields()} == beside
+    assert all(field.help and field.label for field in session_fields())
+    assert [field.first for field in session_fields()] == sorted((f.first for f in session_fields()), reverse=True)
+    by_path = {field.path: field for field in session_fields()}
+    assert (by_path["eyes.source"].list, by_path["view.scene"].list) == ("sources", "scenes")
+    assert (by_path["view.width_px"].low, by_path["view.width_px"].high) == (1, 16384)
+    assert by_path["eyes.usb_faults"].kind == "texts"
