@@ -23,15 +23,21 @@ from pathlib import Path
 from typing import Any
 
 import zmq
-from entoptic.services.live.arguments import bridge_arguments, worker_arguments
-from entoptic.services.live.choice import SessionChoice
 
+from entoptic.services.config import (
+    BridgeConfig,
+    FoldersConfig,
+    PageConfig,
+    PageLinks,
+    ServerConfig,
+    ViewConfig,
+    WorkerLinks,
+)
 from entoptic.services.live import messages
 from entoptic.services.live.addresses import free_addresses
 from entoptic.services.live.children import Child
 from entoptic.services.live.messages import SHOWN, Shown
-from entoptic.services.psf import observer_file
-from entoptic.services.settings import Settings
+from entoptic.services.session_config import WorkerConfig
 
 READY_WITHIN_S = 240.0
 SETTLES_S = 2.0
@@ -50,8 +56,8 @@ def main() -> None:
         port, count, stuck = options.watch
         watch(int(port), int(count), stuck == "True")
         return
-    choice = SessionChoice(width=options.width, height=options.width * 10 // 9, fps=options.fps)
-    with tempfile.TemporaryDirectory() as folder, session(choice, Path(folder)) as (frames, port):
+    view = ViewConfig(width_px=options.width, height_px=options.width * 10 // 9, fps=options.fps)
+    with tempfile.TemporaryDirectory() as folder, session(view, Path(folder)) as (frames, port):
         measured: dict[str, list[float]] = {way: [] for way in WAYS}
         sent: dict[str, list[float]] = {way: [] for way in WAYS}
         for _ in range(options.rounds):
@@ -71,21 +77,25 @@ def main() -> None:
 
 
 @contextlib.contextmanager
-def session(choice: SessionChoice, folder: Path) -> Iterator[tuple[zmq.Socket[bytes], int]]:
+def session(view: ViewConfig, folder: Path) -> Iterator[tuple[zmq.Socket[bytes], int]]:
     """The frames of a worker that renders, and the console's port."""
     addresses = free_addresses()
-    settings = folder / "settings.toml"
-    observer_file.write(settings, Settings())
-    named = [(name, getattr(addresses, name)) for name in ("states", "events", "bridge", "screens", "answers")]
-    named += [("frames", addresses.frames), ("worker", addresses.worker)]
-    where = [text for name, address in named for text in (f"--{name}", address)]
+    at = addresses
+    bridge = BridgeConfig(
+        states=at.states, events=at.events, replay=at.replay, control=at.bridge, screens=at.screens,
+        answers=at.answers, sees=at.frames, live=True,
+    )  # fmt: skip
+    links = WorkerLinks(states=at.states, events=at.events, frames=at.frames, control=at.worker)
+    named = ("states", "events", "bridge", "screens", "answers", "frames", "worker")
+    server = ServerConfig(
+        page=PageConfig(port=0),
+        folders=FoldersConfig(root=str(folder)),
+        links=PageLinks(**{name: getattr(at, name) for name in named}),
+    )
     with contextlib.ExitStack() as opened:
-        for name, arguments in (
-            ("bridge", bridge_arguments(choice, addresses, begun_ns=None, pupil_map=None)),
-            ("worker", worker_arguments(choice, addresses, settings=settings, checkpoint=folder / "checkpoint")),
-        ):
-            opened.callback(Child(name, arguments).end)
-        web = Child("web", ["console-server", "--port", "0", "--root", str(folder), *where])
+        opened.callback(Child("bridge", bridge).end)
+        opened.callback(Child("worker", WorkerConfig(links=links, view=view)).end)
+        web = Child("web", server)
         opened.callback(web.end)
         port = int(_ready(web)["port"])
         context = opened.enter_context(zmq.Context())

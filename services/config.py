@@ -49,14 +49,16 @@ MeanLuminance = Annotated[
     ),
 ]
 WidthPx = Annotated[
-    Pixels | None, _of("Pixels per eye; the scene's own unless given.", "Width of an eye's image, px", option="--width")
+    Pixels | None,
+    _of("Pixels per eye; the scene's own unless given.", "Width of an eye's image, px", first=True, option="--width"),
 ]
 HeightPx = Annotated[
-    Pixels | None, _of("Pixels per eye; the scene's own unless given.", "Height of it, px", option="--height")
+    Pixels | None,
+    _of("Pixels per eye; the scene's own unless given.", "Height of it, px", first=True, option="--height"),
 ]
 FovDeg = Annotated[
     Annotated[float, Meta(ge=1.0, le=175.0)],
-    _of("Horizontal field of view in degrees.", "Field of view, °", option="--fov", metavar="DEG"),
+    _of("Horizontal field of view in degrees.", "Field of view, °", first=True, option="--fov", metavar="DEG"),
 ]
 
 

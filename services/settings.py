@@ -89,10 +89,10 @@ def of(config: SettingsConfig, own: Settings | None = None) -> Settings:
 def changed(settings: Settings, changes: Mapping[str, Any], *, from_defaults: bool = False) -> Settings:
     """Settings with some changed, by their paths. Raises ValueError that names the field and its range."""
     values = {} if from_defaults else msgspec.to_builtins(settings)
-    known = {leaf.path for leaf in leaves(Settings)}
+    known = [leaf.path for leaf in leaves(Settings)]
     for path, value in changes.items():
         if path not in known:
-            near = difflib.get_close_matches(path, known, 1)
+            near = [name for name in known if name.startswith(path)] or difflib.get_close_matches(path, known, 1)
             raise ValueError(f"there is no setting {path!r}" + (f"; is it {near[0]}?" if near else ""))
         *tables, name = path.split(".")
         table = values

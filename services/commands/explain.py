@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from pathlib import Path
 from typing import Annotated
 
@@ -52,7 +53,8 @@ def explain(
         if still != StillConfig():
             raise FrameError("gaze, pupil, light and size of a session are those of its frame: leave their options out")
         folder = Path(target)
-        seen = subject.from_session(folder, frame, lambda own: all_settings.of(settings, own))
+        seen = subject.from_session(folder, frame, None if settings.file is None else all_settings.load(settings.file))
+        seen = dataclasses.replace(seen, settings=all_settings.of(settings, seen.settings))
         course = timeline.read(folder / subject.PLAN)
     else:
         seen = subject.from_image(target, still, all_settings.of(settings))

@@ -6,7 +6,7 @@ import csv
 import dataclasses
 import json
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -97,13 +97,11 @@ def is_session(target: str) -> bool:
     return (Path(target) / PLAN).is_file()
 
 
-def from_session(
-    folder: Path, frame_number: int | None, settings: Callable[[Settings], Settings] = lambda own: own
-) -> Subject:
+def from_session(folder: Path, frame_number: int | None, settings: Settings | None) -> Subject:
     """A key frame of a session: the one nearest to `frame_number`, the middle one unless given.
 
-    Adapted luminance, pupils and gaze are those of that frame; settings are those of the session, as `settings` changes
-    them. Raises FrameError where the folder lacks something.
+    Adapted luminance, pupils and gaze are those of that frame; settings those of the session unless given. Raises
+    FrameError where the folder lacks something.
     """
     number = _key_frame(folder, frame_number)
     summary = _json(folder / "summary.json")
@@ -118,7 +116,7 @@ def from_session(
     images = np.stack(np.split(image_file.read(path).rgb, len(eyes), axis=2))
     frame = Frame.from_rgb(images, fov_deg)
     try:
-        used = settings(msgspec.convert(summary.get("perception", {}), Settings))
+        used = settings or msgspec.convert(summary.get("perception", {}), Settings)
     except msgspec.ValidationError as error:
         raise FrameError(f"{folder / 'summary.json'}: {error}; give --settings") from None
     return Subject(

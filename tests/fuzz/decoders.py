@@ -42,7 +42,7 @@ from entoptic.tracker_bridge.sources.usb_twin_report import DESCRIPTOR, tracking
 
 PAGE_REQUESTS = (
     b'{"do": "perceive", "id": 1, "changes": {"observer.age_years": 61}}',
-    b'{"do": "start", "id": 2, "choice": {"source": "capture"}}',
+    b'{"do": "start", "id": 2, "config": {"eyes": {"source": "capture"}}}',
     b'{"do": "watch", "id": 3, "perceived": true, "displayed": false}',
 )
 

@@ -8,12 +8,14 @@ from pathlib import Path
 
 import pytest
 
+from entoptic.services.config import BridgeConfig, EyesConfig
 from entoptic.services.live.children import Child
 from entoptic.services.live.journal import Journal
 from entoptic.services.live.supervised import Supervised
 
-BRIDGE = ["bridge", "--source", "simulated", "--wait"]
-"""One that waits for a reader until it is asked to stop."""
+BRIDGE = BridgeConfig(live=True)
+"""One without an end."""
+NOWHERE = BridgeConfig(eyes=EyesConfig(source="nowhere/"))
 
 
 def wait_for(condition: object, within_s: float = 30.0) -> None:
@@ -34,17 +36,17 @@ def lives(pid: int) -> bool:
 
 
 def test_a_child_is_listened_to_and_stops_when_asked() -> None:
-    child = Child("eyes", BRIDGE)
+    child = Child("bridge", BRIDGE)
     said = []
     wait_for(lambda: said.extend(child.drain()) or any(one["event"] == "ready" for one in said))
-    assert all((one["process"], one["pid"]) == ("eyes", child.pid) for one in said)
+    assert all((one["process"], one["pid"]) == ("bridge", child.pid) for one in said)
     assert child.code() is None
     assert child.end(10.0)
     assert child.code() == 0
 
 
 def test_a_child_that_fails_says_why() -> None:
-    child = Child("eyes", ["bridge", "--source", "nowhere/"])
+    child = Child("bridge", NOWHERE)
     wait_for(lambda: child.code() is not None)
     said = [one["error"] for one in child.drain() if "error" in one]
     assert child.ending(said[-1]).startswith("(exit status 1): nowhere/ does not exist")
@@ -53,8 +55,9 @@ def test_a_child_that_fails_says_why() -> None:
 
 PARENT = """
 import sys, time
+from entoptic.services.config import BridgeConfig
 from entoptic.services.live.children import Child
-child = Child("eyes", ["bridge", "--source", "simulated", "--wait"])
+child = Child("bridge", BridgeConfig(live=True))
 while not any(one["event"] == "ready" for one in child.drain()):
     time.sleep(0.02)
 print(child.pid, flush=True)
@@ -110,7 +113,7 @@ def test_a_killed_process_is_started_anew_and_the_gap_is_noted(journal: Journal)
 
 @pytest.mark.slow
 def test_one_that_crashes_again_and_again_is_given_up(journal: Journal) -> None:
-    one = Supervised("bridge", lambda: ["bridge", "--source", "nowhere/"], "ready", journal)
+    one = Supervised("bridge", lambda: NOWHERE, "ready", journal)
     one.start()
     step_until(one, lambda: one.state == "failed")
     assert one.started_anew == 4
@@ -133,8 +136,7 @@ def test_one_that_does_not_stop_in_time_is_killed(journal: Journal) -> None:
 
 
 def test_one_that_ends_by_itself_with_all_done_is_not_started_anew(journal: Journal) -> None:
-    arguments = ["bridge", "--source", "simulated", "--seconds", "0.1"]
-    one = Supervised("bridge", lambda: arguments, "ready", journal)
+    one = Supervised("bridge", lambda: BridgeConfig(seconds=0.1), "ready", journal)
     one.start()
     step_until(one, lambda: not one.lives)
     assert one.state == "stopped"

@@ -93,7 +93,9 @@ def take(tmp_path_factory: pytest.TempPathFactory) -> Path:
     with contextlib.ExitStack() as nothing:
         (root / "before").mkdir()
         session.frames(
-            nothing.enter_context(Results(root / "before", begin(VIEW, session.rendering, live=True), SAVE, parts=True)),
+            nothing.enter_context(
+                Results(root / "before", begin(VIEW, session.rendering, live=True), SAVE, parts=True)
+            ),
             [0, 1],
         )
     results = Results(folder, begin(VIEW, session.rendering, live=True, zero_s=2 / FPS), SAVE, parts=True)

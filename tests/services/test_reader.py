@@ -7,7 +7,6 @@ from collections.abc import Callable
 import pytest
 from bridges import (
     ANY,
-    MS,
     PATIENCE_S,
     Bridge,
     LossyBridge,

@@ -76,8 +76,8 @@ class Worked:
         scene = folder / "scene.exr"
         write_exr(scene, np.full((32, 64, 3), 10.0, np.float32))
         view = ViewConfig(
-            scene=str(scene), mean_luminance_cd_m2=10.0, width_px=32, height_px=24, fov_deg=90.0, fps=20.0, head="still",
-            save=(),
+            scene=str(scene), mean_luminance_cd_m2=10.0, width_px=32, height_px=24, fov_deg=90.0, fps=20.0,
+            head="still", save=(),
         )  # fmt: skip
         self.before = Checkpoint(
             written_ns=now_ns, view=view, zero_ns=now_ns - 10 * 10**9, frame=100, t_s=5.0, dropped=7, head=Head(),

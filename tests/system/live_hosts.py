@@ -15,16 +15,18 @@ from typing import Any
 import av
 import msgspec
 import zmq
-from entoptic.services.live.choice import SessionChoice
 
+from entoptic.services.config import ViewConfig
 from entoptic.services.control import ControlError, Reply, ask
 from entoptic.services.live.registry import RunningHost
 from entoptic.services.live.requests import GiveStatus, StartSession
 from entoptic.services.results.moments import FILE as MOMENTS
 from entoptic.services.results.moments import Moment, Moments, Resumed
+from entoptic.services.session_config import SessionConfig
 from entoptic.tracker_bridge.sources.recording import open_recording
 
-SMALL = {"width": 90, "height": 100, "fps": 20.0}
+SMALL = {"width_px": 90, "height_px": 100, "fps": 20.0}
+SIZE = ("--width=90", "--height=100", "--fps=20")
 PATIENCE_S = 150.0
 """A machine that does much else compiles slowly."""
 CLI = [sys.executable, "-m", "entoptic"]
@@ -87,9 +89,9 @@ class LiveHost:
         until(holds, f"{what}; {found}")
         return found
 
-    def start(self, **choice: Any) -> dict[str, Any]:
+    def start(self, **view: Any) -> dict[str, Any]:
         """Starts a session; its status when it runs."""
-        reply = self.ask(StartSession(SessionChoice(**{**SMALL, **choice})))
+        reply = self.ask(StartSession(SessionConfig(view=ViewConfig(**{**SMALL, **view}))))
         assert reply.done, reply
         return self.until(lambda now: now["state"] == "running", "the session runs")
 

@@ -78,7 +78,9 @@ def test_a_session_names_what_is_wrong(folder: Path, entoptic: Done, arguments: 
         (("session", "--width", "0"), "--width"),
         (("session", "--colour"), "--colour"),
         (("session", "--eyes", "third"), "--eyes"),
-        (("render", "x.hdr", "--gaze", "up"), "--gaze"),
+        (("session", "--seconds", "0"), "--seconds"),
+        (("bridge", "--seed", "-1"), "--seed"),
+        (("console", "--port", "70000"), "--port"),
         (("render", "x.hdr", "--pupil-mm", "40"), "--pupil-mm"),
     ],
 )

@@ -10,8 +10,10 @@ import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
+import msgspec
 import pytest
 
+from entoptic.services.config import BridgeConfig, EyesConfig
 from entoptic.services.control import tell
 from entoptic.services.live.requests import StartRecording
 from entoptic.services.reader import StateReader
@@ -41,11 +43,27 @@ def entoptic(*arguments: str, log: Path) -> Iterator[subprocess.Popen[bytes]]:
             process.wait()
 
 
+@contextlib.contextmanager
+def child(config: BridgeConfig, log: Path) -> Iterator[subprocess.Popen[bytes]]:
+    """A bridge whose log is JSON."""
+    command = [sys.executable, "-m", "entoptic.services.child", "bridge"]
+    with log.open("wb") as stderr:
+        process = subprocess.Popen(command, stdin=subprocess.PIPE, stderr=stderr)
+        assert process.stdin is not None
+        process.stdin.write(msgspec.json.encode(config) + b"\n")
+        process.stdin.flush()
+        try:
+            yield process
+        finally:
+            process.kill()
+            process.wait()
+
+
 class Ear:
     """Reads a bridge until something is so."""
 
     def __init__(self, states: str, events: str) -> None:
-        self.reader = StateReader(states, events, newest_only=False)
+        self.reader = StateReader(states, events)
         self.reader.subscribe()
         self.states: list[EyeState] = []
         self.events: list[Event] = []
@@ -76,12 +94,14 @@ def test_a_bridge_outlives_a_tracker_that_comes_late_restarts_and_records(tmp_pa
     states, events, control = addresses
     port = free_port()
     recording = tmp_path / "recording"
-    bridge = ["bridge", "--source", "capture", "--remote", f"tcp://127.0.0.1:{port}", "--record", str(recording)]
-    bridge += ["--states", states, "--events", events, "--control", control, "--child"]
+    bridge = BridgeConfig(
+        eyes=EyesConfig(source="capture", remote=f"tcp://127.0.0.1:{port}"),
+        record=str(recording), states=states, events=events, control=control,
+    )  # fmt: skip
     capture = ["capture", "simulated", "--port", str(port), "--fault", "restart@5s"]
     capture += ["--recordings", str(tmp_path / "recordings")]
     ear = Ear(states, events)
-    with entoptic(*bridge, log=tmp_path / "bridge.log") as running:
+    with child(bridge, log=tmp_path / "bridge.log") as running:
         ear.until(lambda: ear.count(SourceSilent) >= 1)  # nobody there yet
         with entoptic(*capture, log=tmp_path / "capture.log"):
             ear.until(lambda: ear.count(SourceBack) >= 2)  # there, and there again

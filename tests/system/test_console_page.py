@@ -174,16 +174,18 @@ def test_settings_are_moved_kept_and_taken_again_and_all_pages_see_them(browser:
 
 def test_what_cannot_be_started_is_said(browser: Browser, console: Console) -> None:
     page = opened(browser, console)
-    page.evaluate("localStorage.setItem('entoptic-session', JSON.stringify({kind: 'of another version', fps: '12'}))")
+    page.evaluate(
+        "localStorage.setItem('entoptic-session', JSON.stringify({kind: 'of another version', 'view.fps': 12}))"
+    )
     page.reload()
-    expect(page.locator("#session-kind")).to_have_value("simulated")
-    expect(page.locator("#session-fps")).to_have_value("12")
+    expect(setting(page, "eyes.source").locator("select")).to_have_value("simulated")
+    expect(setting(page, "view.fps").locator("input")).to_have_value("12")
     assert complaints(page) == []
     page.click("#tab-session")
-    # What nobody sees any more keeps nothing from starting.
-    page.fill("#session-seed", "-3")
-    page.select_option("#session-kind", "recording")
-    page.fill("#session-recording", "/nowhere/recording")
+    source = setting(page, "eyes.source")
+    source.locator("select").select_option("another")
+    source.locator("input").fill("/nowhere/recording")
+    source.locator("input").press("Tab")
     page.locator("h1").click()
     page.keyboard.press("s")
     expect(page.locator("#said")).to_contain_text("nowhere")

@@ -14,6 +14,14 @@ from playwright.sync_api import Browser, Page, expect
 pytestmark = chromium.needs_chromium
 
 
+def fill(page: Page, **view: int) -> None:
+    """Numbers of the session's form."""
+    for name, value in view.items():
+        box = setting(page, f"view.{name}").locator("input")
+        box.fill(str(value))
+        box.press("Tab")
+
+
 def test_a_session_from_the_page(browser: Browser, console: Console) -> None:
     """Start, see a frame, stop; test_a_study_from_the_page does the rest."""
     page = opened(browser, console)
@@ -22,8 +30,7 @@ def test_a_session_from_the_page(browser: Browser, console: Console) -> None:
         "new MutationObserver(() => window.said.push(now.textContent)).observe(now, {childList: true, subtree: true})"
     )
     page.click("#tab-session")
-    for name, value in (("width", "90"), ("height", "100"), ("fps", "20")):
-        page.fill(f"#session-{name}", value)
+    fill(page, width_px=90, height_px=100, fps=20)
     page.click("#start")
     expect(page.locator("#perceived")).to_have_attribute("data-frame", re.compile(r"\d+"), timeout=120_000)
     assert not any("Ending" in said for said in page.evaluate("window.said"))
@@ -95,8 +102,7 @@ def test_a_study_from_the_page(browser: Browser, tmp_path: Path) -> None:
     console = Console(tmp_path)
     page = opened(browser, console)
     page.click("#tab-session")
-    for name, value in (("width", "120"), ("height", "120"), ("fov", "60"), ("fps", "8")):
-        page.fill(f"#session-{name}", value)
+    fill(page, width_px=120, height_px=120, fov_deg=60, fps=8)
     page.click("#start")
     expect(page.locator("#perceived")).to_have_attribute("data-frame", re.compile(r"\d+"), timeout=120_000)
     console.wait_for(moves_on(page), "frames and traces to move")
@@ -157,10 +163,10 @@ def test_a_tracker_that_is_not_there_is_said_with_what_to_do(browser: Browser, t
     console = Console(tmp_path)
     page = opened(browser, console)
     page.click("#tab-session")
-    page.select_option("#session-kind", "capture")
-    page.fill("#session-remote", "tcp://127.0.0.1:1")
-    for name in ("width", "height"):
-        page.fill(f"#session-{name}", "120")
+    setting(page, "eyes.source").locator("select").select_option("capture")
+    page.locator("#session-form summary").click()
+    setting(page, "eyes.remote").locator("input").fill("tcp://127.0.0.1:1")
+    fill(page, width_px=120, height_px=120)
     page.click("#start")
     problem = page.locator('[data-name="no tracker"]')
     expect(problem).to_contain_text("plugged in", timeout=120_000)

@@ -9,10 +9,11 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from entoptic.services.live.choice import SessionChoice
-from live_hosts import SMALL, LiveHost, alive, frames_of, hears_frames, live_host, ports_are_free, until
+from live_hosts import SIZE, LiveHost, alive, frames_of, hears_frames, live_host, ports_are_free, until
 
+from entoptic.services.config import EyesConfig, ViewConfig
 from entoptic.services.live.requests import Record, StartSession, StopRecord, StopSession
+from entoptic.services.session_config import SessionConfig
 
 ENDS_WITHIN_S = 2.5
 """Two seconds are promised, of which a host uses 1.8; the rest is for the interpreter's own end while other tests keep
@@ -26,18 +27,17 @@ def host(tmp_path_factory: pytest.TempPathFactory) -> Iterator[LiveHost]:
 
 
 @pytest.mark.parametrize(
-    ("choice", "said"),
+    ("config", "said"),
     [
-        (SessionChoice(source="nowhere/"), "nowhere/ does not exist"),
-        (SessionChoice(scene="nowhere.hdr"), 'scene "nowhere.hdr": no such file'),
-        (SessionChoice(settings={"observer": {"legs": 4}}), "settings: .*legs.*observer"),
-        (SessionChoice(lane="slow"), "no lane 'slow'"),
-        (SessionChoice(pupil_map="no.toml"), "no.toml"),
-        (SessionChoice(head="no.csv"), "no.csv"),
+        (SessionConfig(eyes=EyesConfig(source="nowhere/")), "nowhere/ does not exist"),
+        (SessionConfig(view=ViewConfig(scene="nowhere.hdr")), 'scene "nowhere.hdr": no such file'),
+        (SessionConfig(view=ViewConfig(fps=0.0)), "greater|>= 0.1.*config.view.fps"),
+        (SessionConfig(eyes=EyesConfig(pupil_map="no.toml")), "no.toml"),
+        (SessionConfig(view=ViewConfig(head="no.csv")), "no.csv"),
     ],
 )
-def test_what_cannot_be_started_is_said_in_one_line(host: LiveHost, choice: SessionChoice, said: str) -> None:
-    reply = host.ask(StartSession(choice))
+def test_what_cannot_be_started_is_said_in_one_line(host: LiveHost, config: SessionConfig, said: str) -> None:
+    reply = host.ask(StartSession(config))
     assert not reply.done
     assert reply.reply.count("\n") == 0
     assert re.search(said, reply.reply)
@@ -49,7 +49,7 @@ def test_what_cannot_be_started_is_said_in_one_line(host: LiveHost, choice: Sess
 def test_a_session_goes_on_whatever_is_killed_and_its_take_is_whole(host: LiveHost) -> None:
     assert not host.ask(Record()).done
     running = host.start()
-    assert not host.ask(StartSession(SessionChoice())).done
+    assert not host.ask(StartSession(SessionConfig())).done
     assert host.ask(Record("first")).done
     assert not host.ask(Record("second")).done
     folder = Path(running["root"]) / "first.partial"
@@ -117,12 +117,12 @@ def test_status_says_how_it_is(host: LiveHost) -> None:
     host.until(lambda now: now["figures"]["worker"] and now["figures"]["bridge"], "figures are known")
     told = host.command("status", "--json")
     (found,) = json.loads(told.stdout)
-    assert found["said"]["choice"]["source"] == "simulated"
+    assert found["said"]["config"]["eyes"]["source"] == "simulated"
     assert found["said"]["figures"]["worker"]["fps"] == 20.0
     assert found["said"]["console_url"].startswith("http://127.0.0.1:")
     assert told.returncode == (1 if found["wrong"] else 0)
     words = host.command("status").stderr
-    assert "simulated before night-street" in words
+    assert "simulated viewing night-street" in words
     addresses = found["said"]["addresses"]
     each = host.command("status", "--json", addresses["bridge"], addresses["worker"])
     assert [one["silent"] for one in json.loads(each.stdout)] == [None, None]
@@ -190,11 +190,11 @@ def test_a_killed_host_leaves_no_process_and_its_take_can_be_finished(tmp_path: 
 
 
 @pytest.mark.slow
-def test_a_host_ends_at_once_while_a_choice_is_being_opened(tmp_path: Path) -> None:
+def test_a_host_ends_at_once_while_a_session_is_being_opened(tmp_path: Path) -> None:
     """One that takes for ever: nobody writes into the pipe."""
     os.mkfifo(tmp_path / "map.toml")
     with live_host(tmp_path, "console", "--port", "0") as one:
-        reply = one.ask(StartSession(SessionChoice(pupil_map=str(tmp_path / "map.toml"))))
+        reply = one.ask(StartSession(SessionConfig(eyes=EyesConfig(pupil_map=str(tmp_path / "map.toml")))))
         assert reply.done, reply
         assert one.status()["state"] == "starting"
         assert one.end(signal.SIGTERM) < ENDS_WITHIN_S
@@ -202,8 +202,7 @@ def test_a_host_ends_at_once_while_a_choice_is_being_opened(tmp_path: Path) -> N
 
 @pytest.mark.slow
 def test_a_live_session_without_an_end_is_not_interrupted(tmp_path: Path) -> None:
-    size = [f"--{name}={value:g}" for name, value in SMALL.items()]
-    with live_host(tmp_path, "session", "--live", *size, "--out", "take") as one:
+    with live_host(tmp_path, "session", "--live", *SIZE, "--out", "take") as one:
         folder = tmp_path / "take.partial"
         until(lambda: (folder / "plan.csv").exists() and frames_of(folder) > 3, "frames are kept")
         assert json.loads((folder / "host.json").read_text())["interrupted"] is True  # if it were killed now

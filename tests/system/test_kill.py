@@ -9,7 +9,7 @@ import time
 from pathlib import Path
 
 import pytest
-from live_hosts import SMALL, alive, frames_of, live_host, ports_are_free, until
+from live_hosts import SIZE, alive, frames_of, live_host, ports_are_free, until
 
 from entoptic.services.live.requests import Record, StopRecord
 
@@ -56,10 +56,9 @@ def test_twenty_kills_at_random_moments(tmp_path: Path) -> None:
 @pytest.mark.timeout(3600)
 def test_ctrl_c_and_sigterm_end_all_within_two_seconds(tmp_path: Path) -> None:
     taken_s = []
-    size = [f"--{name}={value:g}" for name, value in SMALL.items()]
     for k in range(20):
         by_chance = random.Random(k)
-        with live_host(tmp_path / str(k), "session", "--live", *size, "--out", "take") as host:
+        with live_host(tmp_path / str(k), "session", "--live", *SIZE, "--out", "take") as host:
             folder = tmp_path / str(k) / "take.partial"
             if k % 4:  # else while it compiles
                 until(lambda folder=folder: (folder / "plan.csv").exists() and frames_of(folder) > 3, "frames are kept")

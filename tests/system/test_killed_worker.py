@@ -9,23 +9,34 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import msgspec
 import pytest
-from entoptic.services.options import Save
-from entoptic.services.worker.again import run as render_again
 
+from entoptic.pipeline import Planning
+from entoptic.pipeline.plan import Effect
+from entoptic.services.config import BridgeConfig, Save, ViewConfig, WorkerLinks
 from entoptic.services.control import ControlError, Reply, ask
 from entoptic.services.live.addresses import free_addresses
 from entoptic.services.live.requests import BeginTake, EndTake, GiveStatus, Perceive
+from entoptic.services.process import Stop
 from entoptic.services.results import finish as takes
 from entoptic.services.results.moments import Moment, Moments, Resumed
 from entoptic.services.results.moments import Perceive as PerceiveRecord
+from entoptic.services.session.again import render
+from entoptic.services.session.watch import Work
+from entoptic.services.session_config import WorkerConfig
+from entoptic.services.settings import Settings
 
 PATIENCE_S = 180.0
 
 
-def started(*arguments: str) -> subprocess.Popen[bytes]:
-    command = [sys.executable, "-m", "entoptic", *arguments, "--child"]
-    return subprocess.Popen(command, stdin=subprocess.PIPE, stderr=subprocess.DEVNULL)
+def started(name: str, config: msgspec.Struct) -> subprocess.Popen[bytes]:
+    command = [sys.executable, "-m", "entoptic.services.child", name]
+    process = subprocess.Popen(command, stdin=subprocess.PIPE, stderr=subprocess.DEVNULL)
+    assert process.stdin is not None
+    process.stdin.write(msgspec.json.encode(config) + b"\n")
+    process.stdin.flush()
+    return process
 
 
 def wait_for(control: str, so: Callable[[dict[str, Any]], object]) -> dict[str, Any]:
@@ -47,17 +58,19 @@ def wait_for_frame(control: str, after: int) -> int:
 
 @pytest.mark.slow
 def test_a_killed_worker_goes_on_and_its_take_is_rendered_again(tmp_path: Path) -> None:
-    import structlog
-
     at = free_addresses()
     folder, again = tmp_path / "take", tmp_path / "again"
     folder.mkdir()
     again.mkdir()
-    eyes = started("bridge", "--live", "--source", "simulated", "--states", at.states, "--events", at.events)
-    arguments = ["worker", "--live", "--states", at.states, "--events", at.events, "--control", at.worker]
-    arguments += ["--frames", at.frames, "--resume", str(tmp_path / "checkpoint"), "--fps", "10"]
-    arguments += ["--width", "60", "--height", "50", "--without", "acuity"]
-    worker = started(*arguments)
+    eyes = started("bridge", BridgeConfig(live=True, states=at.states, events=at.events))
+    links = WorkerLinks(
+        states=at.states, events=at.events, control=at.worker, frames=at.frames, resume=str(tmp_path / "checkpoint")
+    )
+    view = ViewConfig(fps=10.0, width_px=60, height_px=50)
+    config = WorkerConfig(
+        links=links, view=view, settings=Settings(plan=Planning(leave_out=frozenset({Effect.ACUITY})))
+    )
+    worker = started("worker", config)
     try:
         wait_for_frame(at.worker, 2)
         begin = BeginTake(str(folder), time.monotonic_ns())
@@ -70,7 +83,7 @@ def test_a_killed_worker_goes_on_and_its_take_is_rendered_again(tmp_path: Path) 
         killed_at = wait_for_frame(at.worker, wait_for_frame(at.worker, wait_for_frame(at.worker, 0) + 15))
         worker.kill()
         worker.wait()
-        worker = started(*arguments)
+        worker = started("worker", config)
         wait_for_frame(at.worker, killed_at)
         resumed = wait_for(at.worker, lambda now: True)
         assert resumed["settings"]["observer"]["age_years"] == 66.0
@@ -108,7 +121,7 @@ def test_a_killed_worker_goes_on_and_its_take_is_rendered_again(tmp_path: Path) 
     assert len(rows) <= done["worker"]["frames"] <= len(rows) + 1  # the killed worker's last row may be missing
     assert done["worker"]["heard"] is None
     assert any(float(row["sample_to_state_ms"] or -1) >= 0 for row in rows)
-    same = render_again(folder, again, frozenset({Save.VIDEO}), lambda: False, structlog.get_logger())  # type: ignore[arg-type]
-    assert same.first_different is None
-    assert same.summary.perceived_sha256 == done["worker"]["perceived_sha256"]
+    assert render(folder, again, frozenset({Save.VIDEO}), None, Stop(), Work()) is None
+    summary = json.loads((again / "worker.json").read_text())
+    assert summary["perceived_sha256"] == done["worker"]["perceived_sha256"]
     assert json.loads((folder / "worker.json").read_text())["frames"] == len(rows)

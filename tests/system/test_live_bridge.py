@@ -12,9 +12,11 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
+import msgspec
 import pytest
 import zmq
 
+from entoptic.services.config import BridgeConfig, EyesConfig
 from entoptic.services.control import ask, tell
 from entoptic.services.live.messages import SHOWN, EyeShown, Shown, encode
 from entoptic.services.live.requests import BeginTake, CalibratePupils, EndTake, GiveStatus
@@ -22,6 +24,7 @@ from entoptic.services.reader import StateReader
 from entoptic.tracker_bridge.samples import Eye, GazeSample, PupilSample
 from entoptic.tracker_bridge.sources import open_source
 from entoptic.tracker_bridge.sources.pupil_recorder import PupilRecorder
+from entoptic.tracker_bridge.sources.pupil_remote import DEFAULT_REMOTE
 
 pytestmark = pytest.mark.slow
 PATIENCE_S = 90.0
@@ -32,14 +35,17 @@ NS_PER_S = 1_000_000_000
 class Running:
     """A bridge process that is ready."""
 
-    def __init__(self, *options: object, files_of_bytes: int | None = None) -> None:
-        command = [sys.executable, "-m", "entoptic", "bridge", "--live", "--child", *map(str, options)]
+    def __init__(self, config: BridgeConfig, *, files_of_bytes: int | None = None) -> None:
+        command = [sys.executable, "-m", "entoptic.services.child", "bridge"]
 
         def limit() -> None:
             if files_of_bytes is not None:
                 resource.setrlimit(resource.RLIMIT_FSIZE, (files_of_bytes, files_of_bytes))
 
         self.process = subprocess.Popen(command, stdin=subprocess.PIPE, stderr=subprocess.PIPE, preexec_fn=limit)
+        assert self.process.stdin is not None
+        self.process.stdin.write(msgspec.json.encode(config) + b"\n")
+        self.process.stdin.flush()
         self.ready = self.log_until("ready")
         self.control = str(self.ready["control"])
 
@@ -74,8 +80,9 @@ class Running:
 def start() -> Iterator[Callable[..., Running]]:
     running: list[Running] = []
 
-    def one(*options: object, files_of_bytes: int | None = None) -> Running:
-        running.append(Running(*options, files_of_bytes=files_of_bytes))
+    def one(source: object, *, remote: str = DEFAULT_REMOTE, files_of_bytes: int | None = None, **more: Any) -> Running:
+        config = BridgeConfig(eyes=EyesConfig(source=str(source), remote=remote), live=True, **more)
+        running.append(Running(config, files_of_bytes=files_of_bytes))
         return running[-1]
 
     yield one
@@ -113,7 +120,7 @@ def second_of(row: dict[str, str]) -> float:
 def test_after_a_crash_a_take_goes_on_where_the_clock_is(
     start: Callable[..., Running], recording: Path, tmp_path: Path
 ) -> None:
-    first = start("--source", recording)
+    first = start(recording)
     begun_ns = first.ready["begun_ns"]
     take = BeginTake(str(tmp_path), time.monotonic_ns())
     assert not ask(first.control, BeginTake(str(tmp_path / "none"), 0)).done
@@ -138,7 +145,7 @@ def test_after_a_crash_a_take_goes_on_where_the_clock_is(
         file.write(b"77,0.5")
     (tmp_path / "bridge.json").write_text("what another one said in the end")
 
-    again = start("--source", recording, "--begun-ns", begun_ns)
+    again = start(recording, begun_ns=begun_ns)
     assert tell(again.control, take).done
     assert not (tmp_path / "bridge.json").exists()
     began = again.status()["states"]
@@ -163,7 +170,7 @@ def test_after_a_crash_a_take_goes_on_where_the_clock_is(
 
 
 def test_a_full_disk_ends_the_take_alone(start: Callable[..., Running], recording: Path, tmp_path: Path) -> None:
-    running = start("--source", recording, files_of_bytes=40_000)
+    running = start(recording, files_of_bytes=40_000)
     tell(running.control, BeginTake(str(tmp_path), time.monotonic_ns()))
     status = running.status_until(lambda status: status["take"] is None)
     assert "File too large" in status["trouble"]
@@ -183,7 +190,7 @@ def test_a_folder_that_goes_away_ends_the_take_alone(
 ) -> None:
     folder = tmp_path / "take"
     folder.mkdir()
-    running = start("--source", recording)
+    running = start(recording)
     tell(running.control, BeginTake(str(folder), time.monotonic_ns()))
     began = running.status()["states"]
     running.status_until(lambda status: status["states"] > began + 20)
@@ -201,7 +208,7 @@ def test_a_folder_that_goes_away_ends_the_take_alone(
 def test_live_states_are_those_of_now_and_say_when_they_were_sent(
     start: Callable[..., Running], recording: Path
 ) -> None:
-    running = start("--source", recording)
+    running = start(recording)
     reader = StateReader(running.ready["states"], running.ready["events"])
     with contextlib.closing(reader):
         reader.subscribe()
@@ -228,9 +235,7 @@ def test_simulated_eyes_see_the_worker_s_scene_and_can_be_calibrated(
     with zmq.Context() as context, context.socket(zmq.XPUB) as worker:
         worker.bind("tcp://127.0.0.1:*")
         free = "tcp://127.0.0.1:*"
-        running = start(
-            "--source", "simulated", "--sees", worker.LAST_ENDPOINT.decode(), "--screens", free, "--answers", free
-        )
+        running = start("simulated", sees=worker.LAST_ENDPOINT.decode(), screens=free, answers=free)
         reader = StateReader(running.ready["states"], running.ready["events"])
         reader.subscribe()
 
@@ -257,7 +262,7 @@ def test_simulated_eyes_see_the_worker_s_scene_and_can_be_calibrated(
 def test_it_ends_at_once_with_its_files_whole_while_its_tracker_is_silent(
     start: Callable[..., Running], tmp_path: Path, way: str
 ) -> None:
-    running = start("--source", "capture", "--remote", "tcp://127.0.0.1:9")
+    running = start("capture", remote="tcp://127.0.0.1:9")
     running.status_until(lambda status: status["silent"] is not None)
     tell(running.control, BeginTake(str(tmp_path), time.monotonic_ns()))
     asked_s = time.monotonic()

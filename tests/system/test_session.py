@@ -3,7 +3,6 @@
 import csv
 import hashlib
 import json
-import os
 import signal
 import subprocess
 import sys
@@ -48,10 +47,10 @@ lashes = true
 """
 
 
-def children_of(folder: Path) -> list[str]:
-    """Command lines of processes that still work on a session in this folder."""
-    listed = subprocess.run(["ps", "-ewwo", "args"], capture_output=True, text=True, check=True).stdout
-    return [line for line in listed.splitlines() if str(folder) in line and "entoptic.services.cli" in line]
+def children_of(process: subprocess.Popen[str]) -> list[str]:
+    """Command lines of the processes that one has started."""
+    listed = subprocess.run(["ps", "-wwo", "args", "--ppid", str(process.pid)], capture_output=True, text=True).stdout
+    return [line for line in listed.splitlines()[1:] if line]
 
 
 def test_a_session_end_to_end_and_the_same_again(tmp_path: Path) -> None:
@@ -86,7 +85,7 @@ def test_a_session_end_to_end_and_the_same_again(tmp_path: Path) -> None:
     for form in ("perceived.mp4", "frames/000011.png", "states.csv"):
         first, second = (hashlib.sha256((tmp_path / name / form).read_bytes()).digest() for name in ("one", "two"))
         assert first == second
-    # Rendered again from what was kept, without any bridge.
+    # Rendered again from what was kept.
     told = {
         "gaps": [{"process": "worker", "from_s": 0.1, "to_s": 0.2, "why": "killed"}],
         "trouble": "once",
@@ -103,7 +102,6 @@ def test_a_session_end_to_end_and_the_same_again(tmp_path: Path) -> None:
     assert {name: summary[name] for name in told} == told
     assert (tmp_path / "again" / "inputs" / "scene" / "street.exr").read_bytes() == b"any"
     assert "worker away from 0.1 s to 0.2 s: killed" in (tmp_path / "again" / "report.html").read_text()
-    assert children_of(tmp_path) == []
 
 
 @pytest.mark.slow
@@ -154,26 +152,27 @@ def wait_for(condition: object, process: subprocess.Popen[str]) -> None:
 
 
 @pytest.mark.slow
-def test_ctrl_c_ends_both_processes_and_keeps_whole_files(tmp_path: Path) -> None:
+def test_ctrl_c_keeps_whole_files(tmp_path: Path) -> None:
     process = started(tmp_path, "--seconds", "40")
     plan = tmp_path / "out.new" / "plan.csv"
-    wait_for(lambda: plan.exists() and len(children_of(tmp_path)) >= 3, process)
-    time.sleep(3)
+    wait_for(lambda: plan.exists() and len(rows(plan)) >= 2, process)
+    assert children_of(process) == []
     process.send_signal(signal.SIGINT)
     _, said = process.communicate(timeout=60)
     assert process.returncode == 130, said
     assert json.loads((tmp_path / "out" / "summary.json").read_text())["interrupted"] is True
     assert not (tmp_path / "out.new").exists()
-    assert children_of(tmp_path) == []
-    if rows(tmp_path / "out" / "plan.csv"):
-        with av.open(str(tmp_path / "out" / "perceived.mp4")) as film:
-            assert sum(1 for _ in film.decode(video=0)) == len(rows(tmp_path / "out" / "plan.csv"))
+    kept = rows(tmp_path / "out" / "plan.csv")
+    assert 2 <= len(kept) < 800
+    with av.open(str(tmp_path / "out" / "perceived.mp4")) as film:
+        assert sum(1 for _ in film.decode(video=0)) == len(kept)
 
 
 @pytest.mark.slow
 def test_ctrl_c_while_all_is_compiled_ends_it_at_once(tmp_path: Path) -> None:
     process = started(tmp_path, "--seconds", "40")
-    wait_for(lambda: any(" worker " in line for line in children_of(tmp_path)), process)
+    # The file comes just before all is compiled.
+    wait_for((tmp_path / "out.new" / "scene_luminance.csv").exists, process)
     begun_s = time.monotonic()
     process.send_signal(signal.SIGINT)
     _, said = process.communicate(timeout=60)
@@ -181,32 +180,3 @@ def test_ctrl_c_while_all_is_compiled_ends_it_at_once(tmp_path: Path) -> None:
     assert process.returncode == 130
     assert "stopped before the first frame: nothing was written" in said
     assert list(tmp_path.iterdir()) == []
-    assert children_of(tmp_path) == []
-
-
-@pytest.mark.slow
-def test_a_killed_worker_is_named_and_leaves_nothing(tmp_path: Path) -> None:
-    process = started(tmp_path, "--seconds", "40")
-    wait_for(lambda: any(" worker " in line for line in children_of(tmp_path)), process)
-    listed = subprocess.run(["ps", "-ewwo", "pid,args"], capture_output=True, text=True, check=True).stdout
-    for line in listed.splitlines():
-        if str(tmp_path) in line and " worker " in line:
-            os.kill(int(line.split()[0]), signal.SIGKILL)
-    _, said = process.communicate(timeout=60)
-    assert process.returncode == 1
-    assert "error: the worker failed" in said
-    assert list(tmp_path.iterdir()) == []
-    assert children_of(tmp_path) == []
-
-
-@pytest.mark.slow
-def test_children_end_with_a_killed_session(tmp_path: Path) -> None:
-    process = started(tmp_path, "--seconds", "40")
-    wait_for(lambda: any(" worker " in line for line in children_of(tmp_path)), process)
-    process.kill()
-    process.wait()
-    for _ in range(300):
-        if not children_of(tmp_path):
-            return
-        time.sleep(0.1)
-    pytest.fail(f"left behind: {children_of(tmp_path)}")

@@ -25,7 +25,7 @@ export function watchControls(connection, session) {
     if (start.disabled || start.hidden) return;
     if (status.running) { await doing("Stopping", "stop"); openTab("facts"); return; }
     if (!session.form.checkValidity()) { openTab("session"); session.form.reportValidity(); return; }
-    if (!(await doing("Starting", "start", { choice: session.choice() }))) openTab("session");
+    if (!(await doing("Starting", "start", { config: session.config() }))) openTab("session");
     else openTab("facts");
   }
 
@@ -41,7 +41,7 @@ export function watchControls(connection, session) {
 
   async function recordOrNot() {
     if (record.disabled || record.hidden) return;
-    if (status.take === null) await doing("Beginning to record", "record", { name: session.takeName() });
+    if (status.take === null) await doing("Beginning to record", "record", { name: session.recordingName() });
     else await doing("Finishing the take", "stop record");
   }
 
@@ -84,7 +84,7 @@ export function watchControls(connection, session) {
 
 function standing(status) {
   if (!status.running) return ["idle", "Nothing runs. Choose eyes and a scene under Session, then Start."];
-  const what = `${status.source ?? "eyes"} before ${status.scene ?? "a scene"}`;
+  const what = `${status.source ?? "eyes"} viewing ${status.scene ?? "a scene"}`;
   if (status.state === "stopping") return ["waiting", "Ending; what was kept is being made whole."];
   if (status.fps === null) return ["waiting", "Starting: eyes and scene are being opened."];
   if (status.preparing) return ["waiting", `Being prepared: ${what}. The first frame takes up to a minute.`];

@@ -15,12 +15,12 @@ from console_session import PATIENCE_S, MadeUpSession, Served, Visitor, wait_for
 from PIL import Image
 from websockets.sync.client import connect
 
+from entoptic.services.config import PageConfig, PageLinks, ServerConfig
 from entoptic.services.console import live
-from entoptic.services.console.fields import changed
 from entoptic.services.console.live import Places
 from entoptic.services.live import requests as asked
 from entoptic.services.live.messages import DISPLAYED, PERCEIVED
-from entoptic.services.settings import Settings, load
+from entoptic.services.settings import Settings, changed, load
 from entoptic.tracker_bridge.wire import Phase
 
 ENDS_WITHIN_S = 5.0
@@ -146,21 +146,21 @@ def test_start_and_record_are_the_hosts(hosted: Served, session: MadeUpSession, 
     with hosted.page() as page:
         page.until("status", lambda message: message["running"])
         assert page.ask("perceive", changes={"observer.age_years": 44})["done"]
-        assert page.ask("start", choice={"source": "capture"})["done"]
+        assert page.ask("start", config={"eyes": {"source": "capture"}})["done"]
         start = session.asked[-1]
         assert isinstance(start, asked.StartSession)
-        assert start.choice.source == "capture"
-        assert start.choice.settings["observer"]["age_years"] == 44
+        assert start.config.eyes.source == "capture"
+        assert start.config.settings.observer.age_years == 44
         assert page.ask("record", name="one")["done"]
         assert session.asked[-1] == asked.Record("one")
         assert page.ask("stop record")["done"]
         assert page.ask("stop")["done"]
         assert session.asked[-1] == asked.StopSession()
-        assert "age_years" in page.ask("start", choice={"settings": {"observer": {"age_years": 0}}})["reply"]
+        assert "view.fov_deg" in page.ask("start", config={"view": {"fov_deg": 0}})["reply"]
         session.refusal = "the scene is not there"
-        assert page.ask("start", choice={})["reply"] == "the scene is not there"
+        assert page.ask("start", config={})["reply"] == "the scene is not there"
     with attached.page() as page:
-        assert not page.ask("start", choice={})["done"]
+        assert not page.ask("start", config={})["done"]
 
 
 def test_calibrations_and_the_trackers_tasks_are_the_bridges(attached: Served, session: MadeUpSession) -> None:
@@ -220,7 +220,7 @@ def test_it_follows_a_session_that_begins_later(hosted: Served, session: MadeUpS
         session.host_data = {
             "running": True,
             "started": "then",
-            "choice": {"settings": {"observer": {"age_years": 77.0}}},
+            "config": {"settings": {"observer": {"age_years": 77.0}}},
             "addresses": {name: getattr(session.addresses, name) for name in session.addresses.__struct_fields__},
         }
         page.until("settings", lambda message: message["settings"]["observer"]["age_years"] == 77)
@@ -246,7 +246,7 @@ def settings_of(age_years: float, particles: int) -> dict[str, Any]:
 def test_a_server_started_in_mid_session_takes_the_settings_in_force_and_not_the_first_ones(
     serve: Callable[..., Served], session: MadeUpSession
 ) -> None:
-    session.host_data["choice"] = {"settings": settings_of(40.0, 100)}
+    session.host_data["config"] = {"settings": settings_of(40.0, 100)}
     session.worker_data["settings"] = settings_of(66.0, 1500)
     # A slider that is moved before anybody has said anything changes that one setting alone.
     with serve(Places(session.host)).page() as page:
@@ -275,15 +275,18 @@ def test_settings_that_the_worker_took_back_are_shown_as_it_has_them(
 
 @pytest.mark.parametrize("how", ["signal", "standard input"])
 def test_the_command_serves_and_ends_soon(how: str, session: MadeUpSession, tmp_path: Path) -> None:
-    where = [f"--{name}={getattr(session.addresses, name)}" for name in ("states", "events", "bridge", "screens")]
-    where += [f"--{name}={getattr(session.addresses, name)}" for name in ("answers", "frames", "worker")]
-    command = [sys.executable, "-m", "entoptic", "console-server", "--port=0", *where, "--child"]
+    names = ("states", "events", "bridge", "screens", "answers", "frames", "worker")
+    links = PageLinks(**{name: getattr(session.addresses, name) for name in names})
+    command = [sys.executable, "-m", "entoptic.services.child", "web"]
     process = subprocess.Popen(
         command, stdin=subprocess.PIPE, stderr=subprocess.PIPE, cwd=tmp_path, text=True, start_new_session=True
     )
     try:
         assert process.stderr is not None
         assert process.stdin is not None
+        config = ServerConfig(page=PageConfig(port=0), links=links)
+        process.stdin.write(msgspec.json.encode(config).decode() + "\n")
+        process.stdin.flush()
         at = f"127.0.0.1:{json.loads(process.stderr.readline())['port']}"
         with connect(f"ws://{at}/live", origin=f"http://{at}", max_size=None) as socket:
             assert json.loads(socket.recv(PATIENCE_S))[0]["type"] == "hello"

@@ -11,6 +11,7 @@ from console_session import PATIENCE_S, TOKEN, Served, Visitor
 from websockets.exceptions import InvalidStatus
 from websockets.sync.client import connect
 
+from entoptic.services.config import PageConfig
 from entoptic.services.console import connections
 from entoptic.services.console.access import ConsoleError, places, rules_for
 from entoptic.services.console.security import Rules
@@ -224,10 +225,12 @@ def test_beyond_loopback_a_token_is_made_or_asked_for(tmp_path: Path) -> None:
             rules_for("127.0.0.1", bad, (), no_token=False, may_make=True)
 
 
-def test_a_host_passes_on_by_what_names_its_console_may_be_called(tmp_path: Path) -> None:
-    web = Web("127.0.0.1", 0, names=("console.example", "lab")).settled()
-    arguments = web.arguments("tcp://127.0.0.1:2", tmp_path, tmp_path)
-    assert [arguments[at + 1] for at, word in enumerate(arguments) if word == "--allow-host"] == list(web.names)
+def test_a_host_passes_on_by_what_names_its_console_may_be_called() -> None:
+    web = Web(PageConfig(port=0, names=("console.example", "lab"))).settled()
+    config = web.config("tcp://127.0.0.1:2")
+    assert config.page.names == ("console.example", "lab")
+    assert config.page.port > 0
+    assert config.links.host_control == "tcp://127.0.0.1:2"
 
 
 def test_a_host_or_all_addresses() -> None:

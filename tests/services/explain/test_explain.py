@@ -171,7 +171,7 @@ class TestCommand:
 
     def test_a_session(self, session: Path, tmp_path: Path) -> None:
         out = tmp_path / "out.png"
-        self.run(str(session), "--frame", "2", "--budget-ms", "20", "--age", "70", "-o", str(out))
+        self.run(str(session), "--frame", "2", "--budget-ms", "20", "--set", "observer.age_years=70", "-o", str(out))
         assert oiio.ImageBuf(str(out)).spec().height > 1000
 
     def test_a_frame_number_needs_a_session(self, tmp_path: Path) -> None:

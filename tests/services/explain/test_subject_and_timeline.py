@@ -9,9 +9,11 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from msgspec.structs import replace
 
-from entoptic.pipeline import EyePose, FrameError, Observer, View
+from entoptic.pipeline import EyePose, FrameError, Light, Observer, View
 from entoptic.pipeline.sinks.images import write_exr
+from entoptic.services.config import StillConfig
 from entoptic.services.explain import subject, timeline
 from entoptic.services.settings import Settings
 
@@ -73,12 +75,16 @@ class TestSession:
 
 def test_an_image_is_seen_by_one_eye(tmp_path: Path, lamp: np.ndarray) -> None:
     write_exr(tmp_path / "lamp.exr", lamp)
-    seen = (str(tmp_path / "lamp.exr"), Settings(), EyePose(1.0, 2.0))
-    found = subject.from_image(*seen, 0.2, 60.0, None, (None, None), ())
+    still, lamp_file = StillConfig(gaze="1,2", fov_deg=60.0, lights=("5,-2,0.3,LED-B3",)), str(tmp_path / "lamp.exr")
+    found = subject.from_image(lamp_file, replace(still, adaptation=0.2), Settings())
     np.testing.assert_allclose(np.asarray(found.frame.rgb_cd_m2)[0], lamp.transpose(2, 0, 1), rtol=1e-6)
     assert (found.adapted_cd_m2, found.looking, found.t_s) == ((0.2,), (EyePose(1.0, 2.0),), None)
     assert any("whiteLuminance" in note for note in found.notes)
-    assert subject.from_image(*seen, None, 60.0, None, (None, None), ()).adapted_cd_m2 is None
+    assert found.frame.lights == (Light(5.0, -2.0, 0.3, 0.0, "LED-B3"),)
+    assert subject.from_image(lamp_file, still, Settings()).adapted_cd_m2 is None
+    for odd, said in ((replace(still, gaze="up"), "--gaze 'up'"), (replace(still, lights=("1,2",)), "--light '1,2'")):
+        with pytest.raises(FrameError, match=said):
+            subject.from_image(lamp_file, odd, Settings())
 
 
 class TestTimeline:
