@@ -9,7 +9,7 @@ eye_data.py    opens the eye data that a command names
 simulated_light.py  the light that simulated eyes answer to
 keys.py        key files for processes that are heard beyond this machine
 control.py     how a running process is asked for something
-origin.py      whose page asks, of a web server of ours
+web_server.py  what serves pages
 
 bridge/        the eyes' process
 worker/        the frames' process; reader.py, event_feed.py: its ear, and any other reader's

@@ -3,7 +3,6 @@
 protocol.py   every message from the server to a page
 requests.py   what a page may ask for
 server.py     routes, the WebSocket, start and end
-connections.py its port, and how a connection is cut
 access.py     what the command line says of where a session is and of who may see it
 security.py   who may come in: host names, origins, the token, what browsers are told
 viewers.py    the pages that watch, and what each of them is sent

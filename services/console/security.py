@@ -11,17 +11,17 @@ from __future__ import annotations
 
 import ipaddress
 import secrets
-from http.cookies import CookieError, SimpleCookie
 from typing import Final
 from urllib.parse import parse_qsl, urlencode, urlsplit
 
 import msgspec
 from starlette.datastructures import Headers, MutableHeaders
+from starlette.requests import cookie_parser
 from starlette.responses import PlainTextResponse, RedirectResponse
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 from starlette.websockets import WebSocketClose
 
-from entoptic.services.origin import is_own_origin
+from entoptic.services.web_server import is_own_origin
 
 LOOPBACK_NAMES: Final = ("localhost",)
 MAX_BODY_BYTES: Final = 65_536
@@ -100,7 +100,7 @@ class Door:
         """Passes on what may come in, and refuses the rest."""
         if scope["type"] == "websocket":
             headers = Headers(scope=scope)
-            if self._rules.knows(headers.get("host")) and is_own_origin(headers) and self._has_token(scope, headers):
+            if self._rules.knows(headers.get("host")) and is_own_origin(headers) and self._has_token(headers):
                 await self._app(scope, receive, send)
             else:
                 await WebSocketClose(REFUSED, "Only this console's own page may connect.")(scope, receive, send)
@@ -150,16 +150,12 @@ class Door:
                 self._rules.cookie, given[0], httponly=True, samesite="strict", secure=scope["scheme"] == "https"
             )
             return response
-        if not self._has_token(scope, headers):
+        if not self._has_token(headers):
             return PlainTextResponse("A token is needed: open the address that the console printed at its start.", 401)
         return None
 
-    def _has_token(self, scope: Scope, headers: Headers) -> bool:
-        try:
-            morsel = SimpleCookie(headers.get("cookie", "")).get(self._rules.cookie)
-        except CookieError:
-            morsel = None
-        return self._rules.admits(None if morsel is None else morsel.value)
+    def _has_token(self, headers: Headers) -> bool:
+        return self._rules.admits(cookie_parser(headers.get("cookie", "")).get(self._rules.cookie))
 
 
 def _name_of(host: str | None) -> str | None:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import importlib.metadata
-import threading
 import time
 import traceback
 from collections.abc import AsyncIterator, Callable
@@ -13,7 +12,6 @@ from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import structlog
-import uvicorn
 from starlette.applications import Starlette
 from starlette.exceptions import HTTPException
 from starlette.middleware import Middleware
@@ -26,7 +24,6 @@ from starlette.websockets import WebSocket, WebSocketDisconnect
 from entoptic.services.calibration.page import Screens
 from entoptic.services.console import protocol, requests
 from entoptic.services.console.actions import Actions, Folders
-from entoptic.services.console.connections import Connections, listen
 from entoptic.services.console.fields import fields, session_fields
 from entoptic.services.console.listing import PUPIL_MAPS
 from entoptic.services.console.live import Live, Places
@@ -35,6 +32,7 @@ from entoptic.services.console.requests import MAX_REQUEST_BYTES, RequestError
 from entoptic.services.console.security import Door, Rules
 from entoptic.services.console.viewers import Page
 from entoptic.services.results import session_file
+from entoptic.services.web_server import WebServer, listen
 
 PAGE = Path(__file__).parent / "page"
 SCREENS_URL = "/screens/"
@@ -45,8 +43,6 @@ REQUEST_S = 0.02
 MOST_CONNECTIONS = 400
 LAST_WORDS_S = 0.15
 """For pages to be told that this is the end."""
-ENDS_WITHIN_S = 0.5
-"""Connections that are still open then are cut."""
 _THREADS = 4
 
 
@@ -59,6 +55,8 @@ class Console:
         self.folders = folders
         self.screens = Screens(self._where, places.bridge_keys)
         self.actions = Actions(self.live, folders, self.pool, self.screens)
+        self.loop: asyncio.AbstractEventLoop | None = None
+        """That of the server, once it runs."""
         self.trouble: str | None = None
         """What ended all that pages are fed by; it is logged, and the server ends."""
 
@@ -68,6 +66,7 @@ class Console:
 
     async def run(self) -> None:
         """Feeds the pages until cancelled, or until something goes wrong."""
+        self.loop = asyncio.get_running_loop()
         try:
             await self.live.run()
         except Exception as error:
@@ -141,7 +140,9 @@ class _Sessions(StaticFiles):
         return super().lookup_path(path)
 
 
-def app(console: Console, rules: Rules, connections: Connections, on_trouble: Callable[[], None]) -> Starlette:
+def app(
+    console: Console, rules: Rules, cut: Callable[[tuple[str, int]], None], on_trouble: Callable[[], None]
+) -> Starlette:
     """The application, with its door; `on_trouble` is called when nothing feeds the pages any more."""
 
     async def index(request: Request) -> Response:
@@ -160,7 +161,7 @@ def app(console: Console, rules: Rules, connections: Connections, on_trouble: Ca
         await asyncio.gather(running, return_exceptions=True)
 
     async def live(socket: WebSocket) -> None:
-        await console.attend(socket, lambda: connections.cut(socket.scope["client"]))
+        await console.attend(socket, lambda: cut(socket.scope["client"]))
 
     return Starlette(
         routes=[
@@ -172,7 +173,7 @@ def app(console: Console, rules: Rules, connections: Connections, on_trouble: Ca
             Mount("/sessions", _Sessions(directory=console.folders.root, check_dir=False)),
             Mount("/", StaticFiles(directory=PAGE)),
         ],
-        middleware=[Middleware(connections.watch), Middleware(Door, rules=rules)],
+        middleware=[Middleware(Door, rules=rules)],
         lifespan=lifespan,
     )
 
@@ -183,58 +184,36 @@ class Server:
     def __init__(self, console: Console, rules: Callable[[int], Rules], host: str, port: int) -> None:
         """`rules` of the port that it is."""
         self._console = console
-        self._socket = listen(host, port)
-        self.port = int(self._socket.getsockname()[1])
-        config = uvicorn.Config(
-            app(console, rules(self.port), self._socket, self._give_up),
-            http="h11",
-            ws="websockets-sansio",
+        listening = listen(host, port, "the console")
+        self.port = int(listening.getsockname()[1])
+        self._server = WebServer(
+            app(console, rules(self.port), listening.cut, lambda: self._server.stop()),
+            listening,
             ws_max_size=MAX_REQUEST_BYTES,
             ws_per_message_deflate=False,  # pictures are compressed, and fifty pages' texts would cost a processor
             h11_max_incomplete_event_size=MAX_REQUEST_BYTES,
             limit_concurrency=MOST_CONNECTIONS,
-            timeout_graceful_shutdown=1,
-            server_header=False,
-            access_log=False,
-            log_config=None,
-            log_level="critical",
         )
-        self._server = uvicorn.Server(config)
-        self._loop: asyncio.AbstractEventLoop | None = None
-        self._thread = threading.Thread(target=self._serve, name="console", daemon=True)
-        self._thread.start()
-
-    def _serve(self) -> None:
-        async def serve() -> None:
-            self._loop = asyncio.get_running_loop()
-            await self._server.serve([self._socket])
-
-        asyncio.run(serve())
 
     @property
     def trouble(self) -> str | None:
         """Why it ended by itself, where that is known."""
         return self._console.trouble
 
-    def _give_up(self) -> None:
-        self._server.should_exit = True
-
     @property
     def lives(self) -> bool:
         """Whether it serves."""
-        return self._thread.is_alive()
+        return self._server.lives
 
     def close(self) -> None:
         """Tells all pages, and ends."""
-        if self._loop is not None and self.lives:
+        if self._console.loop is not None and self.lives:
             with contextlib.suppress(RuntimeError):
-                self._loop.call_soon_threadsafe(lambda: self._console.live.viewers.end("The console ends.", again=True))
+                self._console.loop.call_soon_threadsafe(
+                    lambda: self._console.live.viewers.end("The console ends.", again=True)
+                )
             if self._console.live.viewers.pages:
                 time.sleep(LAST_WORDS_S)
-        self._server.should_exit = True
-        self._thread.join(ENDS_WITHIN_S)
-        self._server.force_exit = True
-        self._thread.join(ENDS_WITHIN_S)
+        self._server.close()
         self._console.pool.shutdown(wait=False, cancel_futures=True)
         self._console.live.close()
-        self._socket.close()

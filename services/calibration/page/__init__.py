@@ -10,15 +10,13 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
-import socket as sockets
-import threading
+import platform
 import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import Final
 
 import msgspec
-import uvicorn
 import zmq
 import zmq.asyncio
 from starlette.applications import Starlette
@@ -30,9 +28,8 @@ from starlette.routing import BaseRoute, Route, WebSocketRoute
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
 from entoptic.services.calibration.display import MAX_ANSWER_BYTES
-from entoptic.services.origin import is_own_origin
+from entoptic.services.web_server import WebServer, is_own_origin, listen
 from entoptic.tracker_bridge.access import ClientKeys
-from entoptic.tracker_bridge.publisher import PortInUseError
 
 _FOLDER = Path(__file__).parent
 _FILES = {"/": "page.html", "/page.css": "page.css", "/page.js": "page.js"}
@@ -148,35 +145,13 @@ class PageServer:
     """Serves the page from a thread until closed. Raises PortInUseError."""
 
     def __init__(self, commands_address: str, answers_address: str, host: str, port: int) -> None:
-        self._socket = sockets.socket(sockets.AF_INET, sockets.SOCK_STREAM)
-        self._socket.setsockopt(sockets.SOL_SOCKET, sockets.SO_REUSEADDR, 1)
-        try:
-            self._socket.bind((host, port))
-            # From here on a browser that is too early waits and is not refused.
-            self._socket.listen()
-        except OSError as error:
-            self._socket.close()
-            raise PortInUseError(
-                f"cannot serve the page on {host}:{port}: {error.strerror}; choose another --port, or 0 for any"
-            ) from None
-        self.port = int(self._socket.getsockname()[1])
-        self.url = f"http://{host if host != '0.0.0.0' else sockets.gethostname()}:{self.port}/"
+        listening = listen(host, port, "the page")
+        self.port = int(listening.getsockname()[1])
+        self.url = f"http://{host if host != '0.0.0.0' else platform.node()}:{self.port}/"
         hosts = LOOPBACK if host in LOOPBACK else ("*",)
-        config = uvicorn.Config(
-            app(commands_address, answers_address, hosts),
-            log_level="warning",
-            timeout_graceful_shutdown=1,
-            ws_max_size=65_536,
-        )
-        self._server = uvicorn.Server(config)
-        self._thread = threading.Thread(
-            target=self._server.run, kwargs={"sockets": [self._socket]}, name="calibration-page", daemon=True
-        )
-        self._thread.start()
+        self._server = WebServer(app(commands_address, answers_address, hosts), listening, ws_max_size=65_536)
 
     def close(self) -> None:
         """Ends the connection to the page and the server."""
         time.sleep(_LAST_WORDS_S)
-        self._server.should_exit = True
-        self._thread.join(_ENDS_WITHIN_S)
-        self._socket.close()
+        self._server.close(_ENDS_WITHIN_S)

@@ -11,8 +11,8 @@ from console_session import PATIENCE_S, TOKEN, Served, Visitor
 from websockets.exceptions import InvalidStatus
 from websockets.sync.client import connect
 
+from entoptic.services import web_server
 from entoptic.services.config import PageConfig
-from entoptic.services.console import connections
 from entoptic.services.console.access import ConsoleError, places, rules_for
 from entoptic.services.console.security import Rules
 from entoptic.services.live.web import Web
@@ -188,7 +188,7 @@ def test_long_requests_are_refused(console: Served) -> None:
 
 
 def test_a_connection_that_asks_for_nothing_is_cut(console: Served, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(connections, "FIRST_REQUEST_S", 0.3)
+    monkeypatch.setattr(web_server, "FIRST_REQUEST_S", 0.3)
     with (
         visit(console) as page,
         socket.create_connection(("127.0.0.1", console.server.port), PATIENCE_S) as silent,

@@ -4,10 +4,9 @@ import threading
 import time
 
 import pytest
-import uvicorn
 from starlette.types import Receive, Scope, Send
 
-from entoptic.services.console.connections import listen
+from entoptic.services.web_server import WebServer, listen
 
 HANDSHAKE = (
     b"GET / HTTP/1.1\r\nHost: here\r\nConnection: Upgrade\r\nUpgrade: websocket\r\n"
@@ -16,7 +15,7 @@ HANDSHAKE = (
 
 
 def test_a_page_that_takes_nothing_is_cut_though_much_is_on_its_way() -> None:
-    listening, ended = listen("127.0.0.1", 0), threading.Event()
+    listening, ended = listen("127.0.0.1", 0, "a page"), threading.Event()
 
     async def app(scope: Scope, receive: Receive, send: Send) -> None:
         await send({"type": "websocket.accept"})
@@ -31,27 +30,22 @@ def test_a_page_that_takes_nothing_is_cut_though_much_is_on_its_way() -> None:
         finally:
             ended.set()
 
-    config = uvicorn.Config(app, ws="websockets-sansio", lifespan="off", log_config=None)
-    server = uvicorn.Server(config)
-    thread = threading.Thread(target=server.run, args=([listening],), daemon=True)
-    thread.start()
+    server = WebServer(app, listening, lifespan="off")
     port = listening.getsockname()[1]
     try:
         with socket.create_connection(("127.0.0.1", port), 10.0) as page:
             page.sendall(HANDSHAKE)
             assert ended.wait(10.0)
             give_up_s = time.monotonic() + 10.0
-            while server.server_state.connections:
+            while server._server.server_state.connections:
                 assert time.monotonic() < give_up_s
                 time.sleep(0.01)
     finally:
-        server.should_exit = True
-        thread.join(10.0)
-        listening.close()
+        server.close()
 
 
 def test_a_port_that_is_taken_is_named() -> None:
     with socket.create_server(("127.0.0.1", 0)) as other:
         port = other.getsockname()[1]
-        with pytest.raises(Exception, match=f"127.0.0.1:{port}.*another --port"):
-            listen("127.0.0.1", port)
+        with pytest.raises(Exception, match=f"a page on 127.0.0.1:{port}.*another --port"):
+            listen("127.0.0.1", port, "a page")
