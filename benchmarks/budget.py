@@ -10,7 +10,6 @@ import numpy as np
 from entoptic.pipeline import Effects, EyePose, Frame, Glare, GlareLevel, Perceived, Planning, View, perceive
 from entoptic.pipeline.budget import SHIPPED, corrected
 from entoptic.pipeline.cost.comparison import pareto
-from entoptic.pipeline.plan import Effect
 from entoptic.pipeline.scenes import Head, open_scene
 from entoptic.services.process import prepare_jax
 from entoptic.tracker_bridge.wire import Eye
@@ -38,8 +37,8 @@ def main() -> None:
     )
     rungs = []
     for level in (None, GlareLevel.VEIL, GlareLevel.SOURCES, GlareLevel.WINDOW):
-        for without in (set(), {Effect.ACUITY}, {Effect.NIGHT_COLOUR}, {Effect.ACUITY, Effect.NIGHT_COLOUR}):
-            left_out = frozenset(without | ({Effect.GLARE} if level is None else set()))
+        for without in (set(), {"acuity"}, {"night_colour"}, {"acuity", "night_colour"}):
+            left_out = frozenset(without | ({"glare"} if level is None else set()))
             effects = Effects() if level is None else Effects(glare=Glare(level=level))
             plan = Planning(everything=True, leave_out=left_out)
             rungs.append((level, without, effects, plan))
@@ -55,7 +54,7 @@ def main() -> None:
         points.append((float(np.median(times[1:])), float(np.mean(errors))))
     front = set(pareto(points))
     for k, (level, without, _, _) in enumerate(rungs):
-        on = ["" if effect in without else "yes" for effect in (Effect.ACUITY, Effect.NIGHT_COLOUR)]
+        on = ["" if effect in without else "yes" for effect in ("acuity", "night_colour")]
         print(
             f"| {'' if level is None else level.value} | {on[0]} | {on[1]} | {points[k][0]:.1f} | {points[k][1]:.2f} "
             f"| {'yes' if k in front else ''} |"
@@ -95,7 +94,7 @@ def main() -> None:
         )
 
 
-LEAVABLE = (Effect.GLARE, Effect.ACUITY, Effect.NIGHT_COLOUR)
+LEAVABLE = ("glare", "acuity", "night_colour")
 
 if __name__ == "__main__":
     main()

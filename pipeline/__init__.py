@@ -2,7 +2,9 @@
 
 frame.py      Frame, view geometry, display
 observer.py   the person who looks
-eye_pose.py    how one eye looks at a frame
+eye_pose.py   how one eye looks at a frame
+eye_context.py  one eye viewing one image: what effects get to know of it
+viewing.py    how eyes have adapted and moved since the frame before
 ranges.py     what may stand in a frame's tiles, and what may change
 scenes/       where frames come from
 measure.py    what a frame contains
@@ -22,19 +24,25 @@ import jax
 # Kernels and their energy are computed in float64; frames say float32 themselves, everywhere.
 jax.config.update("jax_enable_x64", True)
 
-from entoptic.pipeline.effects.glare import Glare, GlareLevel, GlareModel  # noqa: E402 - after the switch above
-from entoptic.pipeline.effects.settings import Effects  # noqa: E402
+from entoptic.pipeline.effects import EFFECTS, OPTIONAL, Effects  # noqa: E402 - after the switch above
+from entoptic.pipeline.effects.effect import Effect  # noqa: E402
+from entoptic.pipeline.effects.glare import Glare, GlareLevel, GlareModel  # noqa: E402
+from entoptic.pipeline.eye_context import EyeContext  # noqa: E402
 from entoptic.pipeline.eye_pose import EyePose  # noqa: E402
-from entoptic.pipeline.frame import Display, Encoding, Frame, FrameError, Light, View  # noqa: E402 - after the switch above
+from entoptic.pipeline.frame import Display, Encoding, Frame, FrameError, Light, View  # noqa: E402
 from entoptic.pipeline.observer import Iris, Observer, OcularDynamics  # noqa: E402
-from entoptic.pipeline.plan import Effect, Plan, Planning, Step  # noqa: E402
-from entoptic.pipeline.render import Perceived, RenderState, as_displayed, perceive  # noqa: E402
+from entoptic.pipeline.plan import Plan, Planning, Step  # noqa: E402
+from entoptic.pipeline.render import Perceived, as_displayed, perceive  # noqa: E402
+from entoptic.pipeline.viewing import RenderState  # noqa: E402
 
 __all__ = [
+    "EFFECTS",
+    "OPTIONAL",
     "Display",
     "Effect",
     "Effects",
     "Encoding",
+    "EyeContext",
     "EyePose",
     "Frame",
     "FrameError",

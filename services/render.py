@@ -36,6 +36,6 @@ def _plan_table(perceived: Perceived) -> Table:
         milliseconds = perceived.milliseconds.get(step.effect)
         hides = f"{step.bound_code_values:.2g}" if step.bound_code_values else ""
         table.add_row(
-            step.effect.value, step.level, step.reason, hides, "" if milliseconds is None else f"{milliseconds:.0f}"
+            step.effect, step.level, step.reason, hides, "" if milliseconds is None else f"{milliseconds:.0f}"
         )
     return table

@@ -82,7 +82,7 @@ class Rendering:
     @property
     def kept_memory(self) -> RenderState | None:
         """What the eyes remember, less the last frame with its glare: a cache, without which the same comes."""
-        return None if self.memory is None else dataclasses.replace(self.memory, glared=None)
+        return None if self.memory is None else dataclasses.replace(self.memory, reusable={})
 
     def warm_up(self, stopped: Callable[[], bool]) -> float:
         """Compiles the scene and every effect before the clock runs; returns the seconds it took.

@@ -12,8 +12,7 @@ from typing import Any
 import msgspec
 
 from entoptic.errors import EntopticError
-from entoptic.pipeline import Display, Effects, Observer, Planning
-from entoptic.pipeline.plan import LEAVABLE
+from entoptic.pipeline import OPTIONAL, Display, Effects, Observer, Planning
 from entoptic.services.config import SettingsConfig
 from entoptic.services.records import leaves
 
@@ -82,7 +81,7 @@ def of(config: SettingsConfig, own: Settings | None = None) -> Settings:
         return changed(settings, {f"plan.{name}": value for name, value in given.items()})
     except ValueError as error:
         raise SettingsError(
-            f"--budget-ms, --everything, --without: {error}; effects are {', '.join(LEAVABLE)}"
+            f"--budget-ms, --everything, --without: {error}; effects are {', '.join(OPTIONAL)}"
         ) from None
 
 

@@ -10,9 +10,10 @@ steady.py        the same from frame to frame: hysteresis and cross-fades
 """
 
 from entoptic.pipeline.budget.choose import TOLERANCE_CODE_VALUES, Option, choose, counted_error, option_at
-from entoptic.pipeline.budget.costs import SHIPPED, Cost, CostModel, Timing, calibrate, corrected, fitted
+from entoptic.pipeline.budget.costs import SHIPPED, CostModel, Timing, calibrate, corrected, fitted
 from entoptic.pipeline.budget.device_costs import costs_file, device_name, load, save
 from entoptic.pipeline.budget.steady import Choice, settle
+from entoptic.pipeline.effects.effect import Cost
 
 __all__ = [
     "SHIPPED",

@@ -11,15 +11,14 @@ import dataclasses
 import math
 import statistics
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from typing import Annotated, NamedTuple
+from typing import NamedTuple
 
-import msgspec
 import numpy as np
 import scipy.optimize
 
+from entoptic.pipeline.effects import EFFECTS
+from entoptic.pipeline.effects.effect import Cost
 from entoptic.pipeline.frame import FrameError
-
-Milliseconds = Annotated[float, msgspec.Meta(ge=0.0, le=1e9)]
 
 CORRECTION = 0.1
 """Share of a frame's deviation that the model takes over. Engineering choice: ten frames, as a machine that turns slow
@@ -33,19 +32,6 @@ OUTLIER = 4.0
 """A time off by more than this factor counts as off by this factor: one frame that compiles takes seconds."""
 SLOWEST = 100.0
 """Factors lie between this and its inverse: beyond, a clock was wrong."""
-
-
-class Cost(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """Time of one effect at one level."""
-
-    fixed_ms: Milliseconds
-    """However small the frame."""
-    ms_per_megapixel: Milliseconds
-    """For each million pixels that it works on, all eyes' together."""
-
-    def ms(self, megapixels: float) -> float:
-        """Predicted time."""
-        return self.fixed_ms + self.ms_per_megapixel * megapixels
 
 
 Costs = Mapping[str, Mapping[str, Cost]]
@@ -90,32 +76,8 @@ SHIPPED = CostModel(
     {
         "measure": {"whole": Cost(1.0, 6.5)},
         "plan": {"whole": Cost(5.0, 0.0)},
-        "adaptation": {"lui": Cost(0.3, 0.0)},
-        "glare": {
-            "veil": Cost(7.3, 7.4),
-            "sources": Cost(8.4, 14.1),
-            "window": Cost(16.5, 30.5),
-            "frame": Cost(9.0, 67.8),
-            "reference": Cost(0.0, 60_000.0),
-        },
-        "acuity": {"fit": Cost(0.5, 8.0), "krawczyk": Cost(1.0, 28.0)},
-        "rod_noise": {"on": Cost(0.5, 7.3)},
-        "tone": {
-            "aces": Cost(0.3, 1.8),
-            "reinhard": Cost(0.3, 4.6),
-            "ward": Cost(0.3, 2.3),
-            "durand": Cost(0.3, 10.5),
-            "curve": Cost(0.3, 10.5),
-        },
-        "night_colour": {
-            "lui": Cost(0.3, 3.7),
-            "kri-xy": Cost(0.3, 5.5),
-            "kri-rgb": Cost(0.3, 3.3),
-            "bar": Cost(0.3, 3.3),
-            "rods": Cost(0.3, 3.5),
-        },
-        "afterimage": {"on": Cost(1.0, 4.0)},
         "encode": {"whole": Cost(0.3, 3.2)},
+        **{effect.name: effect.costs for effect in EFFECTS},
     }
 )
 """Two cores of a Xeon at 2.5 GHz: medians of a night street, 1440×1600, one eye, kernel at hand. How the glare's times

@@ -11,7 +11,8 @@ import jax
 import msgspec
 
 from entoptic.atomic_file import output_errors, write_json
-from entoptic.pipeline.budget.costs import SHIPPED, Cost, CostModel, over_shipped
+from entoptic.pipeline.budget.costs import SHIPPED, CostModel, over_shipped
+from entoptic.pipeline.effects.effect import Cost
 from entoptic.pipeline.frame import FrameError
 
 VERSION = 1

@@ -17,9 +17,9 @@ from jaxtyping import Array, Float
 from numpy.typing import NDArray
 
 from entoptic.pipeline.cost.comparison import Row, Setting, compare, worst
-from entoptic.pipeline.cost.scenes import CostScene, lamps_over_dark, night_street, sun_over_dark
+from entoptic.pipeline.cost.scenes import CostScene, lamps_over_dark, night_street, straight_ahead, sun_over_dark
 from entoptic.pipeline.cost.sun_corner import SunCorner, sun_corner
-from entoptic.pipeline.effects.glare import Glare, GlareLevel, Sight, scatter
+from entoptic.pipeline.effects.glare import Glare, GlareLevel, PreparedGlare, scatter
 from entoptic.pipeline.effects.glare.kernel import Mixture, Veil
 from entoptic.pipeline.effects.glare.models import (
     GRID,
@@ -226,10 +226,8 @@ def _image(kernel: Kernel, level: GlareLevel = GlareLevel.FRAME) -> Callable[[Co
 def _glare(
     scene: CostScene, kernel: Mixture, observer: Observer, pose: Pose, level: GlareLevel
 ) -> Float[Array, "3 y x"]:
-    view = scene.frame.view
-    gaze_px = view.pixel_of(0.0, 0.0)
-    sight = Sight(view, scene.measured, gaze_px, kernel, observer, pose, scene.adapted_cd_m2)
-    return scatter(scene.frame.rgb_cd_m2[0], sight, Glare(level=level))
+    eye = straight_ahead(scene.frame, observer, pose)
+    return scatter(scene.frame.rgb_cd_m2[0], eye, PreparedGlare(kernel), Glare(level=level), level)
 
 
 def _new(observer: Observer, pose: Pose, **settings: Any) -> Kernel:

@@ -11,11 +11,16 @@ import numpy as np
 
 from entoptic.pipeline.cost import landscape, rooms
 from entoptic.pipeline.cost.landscape import SUN_CD_M2, SUN_RADIUS_DEG
-from entoptic.pipeline.effects import adaptation
-from entoptic.pipeline.frame import Frame, View
+from entoptic.pipeline.effects import Effects, adaptation
+from entoptic.pipeline.eye_context import EyeContext
+from entoptic.pipeline.eye_pose import EyePose
+from entoptic.pipeline.frame import Display, Frame, View
 from entoptic.pipeline.measure import Measurement, measure
+from entoptic.pipeline.observer import Observer
+from entoptic.pipeline.optics.aperture import Pose
 from entoptic.pipeline.scenes.night_street import NightStreet
 from entoptic.pipeline.scenes.scene import Head
+from entoptic.pipeline.viewing import view_frame
 from entoptic.tracker_bridge.wire import Eye
 
 STREET_S = 3.0
@@ -116,3 +121,10 @@ def _discs(
         np.add.at(cover, at, inside / FINE**2)
         image += light[:, None, None] * cover
     return Frame(jnp.asarray(image, jnp.float32)[None], view)
+
+
+def straight_ahead(frame: Frame, observer: Observer, pose: Pose) -> EyeContext:
+    """One eye that stands like this, viewing the middle of a frame."""
+    poses = (EyePose(pupil_mm=pose.pupil_mm),)
+    viewing = view_frame(frame, measure(frame), poses, observer, Display(), Effects(), None, 0.0)
+    return dataclasses.replace(viewing.eyes[0], aperture=pose)

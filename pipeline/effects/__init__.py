@@ -1,5 +1,6 @@
-"""What an eye does to a frame, one package or file an effect, in the order in which they run.
+"""What an eye does to a frame: one module or package an effect, one line in EFFECTS, in the order in which they run.
 
+effect.py       what an effect is
 adaptation/     the luminance the eye is adapted to, and the exposure that follows from it
 glare/          light that the eye scatters away from where it belongs
 acuity/         detail that an eye loses in the dark
@@ -8,8 +9,54 @@ tone/           from scene to display luminance
 night_colour/   colour where rods see
 afterimage/     what a bright light leaves in the eye
 encode.py       what a display is sent
-settings.py     all of their settings together
 
-Each says in `bounds.py` (glare in `changes.py`) how much leaving it out may change, and what becomes of a change that
-came before it: two pure functions over a frame's tiles (pipeline/ranges.py) that planning is made of.
+Renderer, planner, cost tables, settings, command line, console, documents and property tests loop over EFFECTS and name
+no effect.
 """
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import msgspec
+
+from entoptic.pipeline.effects.acuity import ACUITY
+from entoptic.pipeline.effects.adaptation import ADAPTATION
+from entoptic.pipeline.effects.afterimage import AFTERIMAGE
+from entoptic.pipeline.effects.effect import Effect
+from entoptic.pipeline.effects.glare import GLARE
+from entoptic.pipeline.effects.night_colour import NIGHT_COLOUR
+from entoptic.pipeline.effects.rod_noise import ROD_NOISE
+from entoptic.pipeline.effects.tone import TONE
+
+EFFECTS: tuple[Effect[Any, Any], ...] = (
+    ADAPTATION,
+    GLARE,
+    ACUITY,
+    ROD_NOISE,
+    TONE,
+    NIGHT_COLOUR,
+    AFTERIMAGE,
+)
+
+OPTIONAL = tuple(effect.name for effect in EFFECTS if effect.optional)
+"""The effects that a picture can do without."""
+
+if TYPE_CHECKING:
+
+    class Effects(msgspec.Struct, frozen=True):
+        """How each effect is simulated where it runs: one table an effect; what is left out has its default."""
+
+        def __init__(self, **tables: msgspec.Struct) -> None: ...
+
+        def __getattr__(self, name: str) -> Any: ...
+
+else:
+    Effects = msgspec.defstruct(
+        "Effects",
+        [(effect.name, effect.Settings, effect.Settings()) for effect in EFFECTS],
+        namespace={"__doc__": "How each effect is simulated where it runs: one table an effect."},
+        module=__name__,
+        frozen=True,
+        forbid_unknown_fields=True,
+    )

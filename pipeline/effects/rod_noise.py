@@ -9,8 +9,8 @@ from __future__ import annotations
 
 import functools
 import math
-from collections.abc import Sequence
-from typing import Annotated
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Annotated
 
 import jax
 import jax.numpy as jnp
@@ -19,10 +19,12 @@ import numpy as np
 from jaxtyping import Array, Float, UInt32
 from numpy.typing import NDArray
 
+from entoptic.pipeline.effects.effect import Cost, Domain, Effect, Picture, TileChanges, TileRanges
 from entoptic.pipeline.frame import LUMINANCE_WEIGHTS, FrameError
 from entoptic.pipeline.measure import luminance
 from entoptic.pipeline.mesopic import SCOTOPIC_WEIGHTS, WHITE_RATIO, scotopic_luminance
 from entoptic.pipeline.ranges import Change, Range
+from entoptic.pipeline.words import darkness
 
 ISOMERISATIONS = 8.6
 """Photons that a rod catches, per scotopic troland second (Breton et al. 1994)."""
@@ -87,13 +89,13 @@ def add_noise(
     return _multiply(rgb, factor, grey)
 
 
-def skipped(range_: Range, pupil_mm: float, settings: RodNoise) -> Change:
+def skip_bound(range_: Range, pupil_mm: float, settings: RodNoise) -> Change:
     """The most that leaving the noise out changes a pixel of one eye, cd/m²."""
     tiles = _Tiles(range_, np.zeros_like(range_.low), pupil_mm, settings)
     return np.asarray(tiles.fade * (tiles.high * tiles.noise + tiles.own * (1 + tiles.noise)))
 
 
-def passed_on(change: Change, range_: Range, pupil_mm: float, settings: RodNoise) -> Change:
+def propagate(change: Change, range_: Range, pupil_mm: float, settings: RodNoise) -> Change:
     """What becomes of a change of the frame before the noise: the same noise falls on both."""
     tiles = _Tiles(range_.widened(change), change, pupil_mm, settings)
     loudest = 1 + tiles.fade * tiles.noise
@@ -208,3 +210,51 @@ def _between(nodes: Array, grain_px: int, axis: int) -> Array:
     merged = list(nodes.shape)
     merged[axis] = (count - 1) * grain_px
     return fine.reshape(merged)
+
+
+if TYPE_CHECKING:
+    from entoptic.pipeline.eye_context import EyeContext
+
+
+class RodNoiseEffect(Effect[RodNoise, None]):
+    """Noise near the absolute threshold."""
+
+    name = "rod_noise"
+    domain = Domain.SCENE
+    Settings = RodNoise
+    costs: Mapping[str, Cost] = {"on": Cost(0.5, 7.3)}
+
+    def is_on(self, settings: RodNoise) -> bool:
+        return settings.on
+
+    def full_level(self, settings: RodNoise) -> str:
+        return "on"
+
+    def apply(
+        self,
+        picture: Picture,
+        eyes: Sequence[EyeContext],
+        settings: RodNoise,
+        level: str,
+        tiles: NDArray[np.bool_] | None,
+    ) -> Float[Array, "eye 3 y x"]:
+        pupils_mm = [eye.pupil_mm for eye in eyes]
+        return add_noise(picture.image, eyes[0].time_s, pupils_mm, eyes[0].view.ppd_centre, settings)
+
+    def bound(self, ranges: TileRanges, eye: EyeContext, settings: RodNoise, level: str) -> Change:
+        return skip_bound(ranges.image, eye.pupil_mm, settings)
+
+    def propagate(self, changes: TileChanges, ranges: TileRanges, eye: EyeContext, settings: RodNoise) -> Change:
+        return propagate(changes.image, ranges.image, eye.pupil_mm, settings)
+
+    def reason(self, eye: EyeContext, settings: RodNoise) -> str:
+        return darkness(eye.measured, settings.below_cd_m2)
+
+    def oracle(self, picture: Picture, eye: EyeContext, settings: RodNoise) -> NDArray[np.float64]:
+        raise SystemError
+
+    def variants(self) -> Mapping[str, RodNoise]:
+        return {"on": RodNoise(on=True)}
+
+
+ROD_NOISE = RodNoiseEffect()

@@ -7,21 +7,9 @@ make.py      what is left out
 reasons.py   why, in words
 """
 
-from entoptic.pipeline.plan.chain import Eye
-from entoptic.pipeline.plan.make import Planned, Scenery, make_plan
-from entoptic.pipeline.plan.settings import LEAVABLE, Planning
-from entoptic.pipeline.plan.steps import OFF, SKIPPED, Effect, Plan, Step
+from entoptic.pipeline.effects.effect import SKIPPED
+from entoptic.pipeline.plan.make import Planned, make_plan
+from entoptic.pipeline.plan.settings import Planning
+from entoptic.pipeline.plan.steps import OFF, Plan, Step
 
-__all__ = [
-    "LEAVABLE",
-    "OFF",
-    "SKIPPED",
-    "Effect",
-    "Eye",
-    "Plan",
-    "Planned",
-    "Planning",
-    "Scenery",
-    "Step",
-    "make_plan",
-]
+__all__ = ["OFF", "SKIPPED", "Plan", "Planned", "Planning", "Step", "make_plan"]

@@ -5,32 +5,29 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Mapping, Sequence
+from typing import Any
 
 import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
 from entoptic.pipeline.budget import SHIPPED, Choice, CostModel, Option, settle
-from entoptic.pipeline.effects.glare import GlareLevel
-from entoptic.pipeline.effects.settings import Effects
-from entoptic.pipeline.frame import Display
-from entoptic.pipeline.plan.chain import FULL, Chain, Eye, Weights
-from entoptic.pipeline.plan.reasons import Lesser, reason_of
+from entoptic.pipeline.effects import EFFECTS
+from entoptic.pipeline.effects.effect import SKIPPED, Effect
+from entoptic.pipeline.eye_context import EyeContext
+from entoptic.pipeline.plan.chain import FULL, Chain, Weights
+from entoptic.pipeline.plan.reasons import Reduced, reason_of
 from entoptic.pipeline.plan.settings import Planning
-from entoptic.pipeline.plan.steps import OFF, SKIPPED, Effect, Plan, Step
+from entoptic.pipeline.plan.steps import OFF, Plan, Step
 
 RESERVE_SHARE = 0.13
 """Of a budget that is not planned with. Engineering choice: 95 % of frames take at most 1.15 times the median."""
+PARTS = ("measure", "plan", "encode")
+"""What every frame takes beside its effects."""
 
-
-@dataclasses.dataclass(frozen=True, eq=False)
-class Scenery:
-    """What a frame has beside its pixels."""
-
-    megapixels: float
-    """All eyes' together."""
-    lights: int = 0
-    """Lights of their own: they are drawn with their glare, so that is not left out."""
+AnyEffect = Effect[Any, Any]
+Found = dict[str, dict[str, Reduced]]
+"""By effect and reduced level: what it may change, in the eye that it changes most."""
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -39,16 +36,12 @@ class Planned:
 
     plan: Plan
     choices: dict[str, Choice]
-    dark: NDArray[np.bool_] | None
-    """(row, column): tiles of the ranges that may hold, in any eye, a pixel dark enough for acuity, which works on
-    these alone; None if it is to work on all."""
+    tiles: dict[str, NDArray[np.bool_] | None]
+    """By effect: tiles (row, column) of the ranges that it may change in any eye; None: perhaps all."""
 
 
 def make_plan(
-    eyes: Sequence[Eye],
-    scenery: Scenery,
-    effects: Effects = Effects(),
-    display: Display = Display(),
+    eyes: Sequence[EyeContext],
     planning: Planning = Planning(),
     *,
     before: Mapping[str, Choice] | None = None,
@@ -58,195 +51,156 @@ def make_plan(
     """The plan for a frame, and what planning has to remember for the next one, `dt_s` after the one before.
 
     An effect runs on all eyes' images if any eye calls for it. Each is left out, or done at its cheapest level, whose
-    bound is within the tolerance; glare also where it stays below the threshold of an eye so adapted. Under a budget,
-    the plan of least predicted error that fits: up to the tolerance errors count nothing, beyond it what they would be
-    on average if every tile were as bright all over as it is on average.
+    bound is within the tolerance; one that is seen by threshold also where it stays below that of an eye so adapted.
+    Under a budget, the plan of least predicted error that fits: up to the tolerance errors count nothing, beyond it
+    what they would be on average if every tile were as bright all over as it is on average. Lights of their own are in
+    no range: beside them nothing can be proven, and nothing is left out.
     """
-    plain = planning.everything and not planning.leave_out
-    chains = [] if plain else [Chain(eye, effects, display) for eye in eyes]
-    choosable = _choosable(effects)
-    budget_ms = math.inf
-    if planning.budget_ms is not None:
-        budget_ms = planning.budget_ms * (1 - RESERVE_SHARE) - fixed_ms(costs, effects, scenery.megapixels)
-    held = {level for choice in (before or {}).values() for level in choice.weights}
-    if not plain and not held - {SKIPPED} and budget_ms < _least_ms(choosable, scenery, effects, costs):
-        # Nothing fits and nothing is left to fade out: no need to weigh what is best.
-        planning = msgspec.structs.replace(planning, leave_out=frozenset(choosable))
-    found = {} if plain else _lesser(eyes, chains, scenery, effects, planning, choosable, before or {})
-    options = {effect.value: _options(effect, effects, found, scenery, planning, costs) for effect in choosable}
-    choices = settle(
-        before or {}, options, dt_s, budget_ms=budget_ms, tolerance_code_values=planning.tolerance_code_values
-    )
-    weights: Weights = {
-        effect: {
-            FULL if level == _full_level(effect, effects) else level: weight
-            for level, weight in choices[effect.value].weights.items()
+    return _Planner(eyes, planning, before or {}, dt_s, costs).planned()
+
+
+class _Planner:
+    """One frame's planning."""
+
+    def __init__(
+        self,
+        eyes: Sequence[EyeContext],
+        planning: Planning,
+        before: Mapping[str, Choice],
+        dt_s: float,
+        costs: CostModel,
+    ) -> None:
+        self._eyes, self._planning, self._before, self._dt_s, self._costs = eyes, planning, before, dt_s, costs
+        self._settings = {effect.name: effect.settings_of(eyes[0].effects) for effect in EFFECTS}
+        self._full = {effect.name: effect.full_level(self._settings[effect.name]) for effect in EFFECTS}
+        on = [effect for effect in EFFECTS if effect.is_on(self._settings[effect.name])]
+        self._optional = [effect for effect in on if effect.optional]
+        self._fixed = [effect for effect in on if not effect.optional]
+        self._megapixels = eyes[0].frame.rgb_cd_m2.size / 3e6
+        self._lights = len(eyes[0].lights)
+
+    def planned(self) -> Planned:
+        planning, in_full = self._planning, self._planning.everything and not self._planning.leave_out
+        chains = [] if in_full else [Chain(eye) for eye in self._eyes]
+        budget_ms = math.inf
+        if planning.budget_ms is not None:
+            budget_ms = planning.budget_ms * (1 - RESERVE_SHARE) - self._fixed_ms()
+        held = {level for choice in self._before.values() for level in choice.weights}
+        if not in_full and not held - {SKIPPED} and budget_ms < self._least_ms():
+            # Nothing fits and nothing is left to fade out: no need to weigh what is best.
+            names = frozenset(effect.name for effect in self._optional)
+            self._planning = msgspec.structs.replace(planning, leave_out=names)
+        found = {effect.name: {} if in_full else self._reduced(effect, chains) for effect in self._optional}
+        choices = settle(
+            self._before,
+            {effect.name: self._options(effect.name, found[effect.name]) for effect in self._optional},
+            self._dt_s,
+            budget_ms=budget_ms,
+            tolerance_code_values=planning.tolerance_code_values,
+        )
+        weights: Weights = {
+            name: {FULL if level == self._full[name] else level: weight for level, weight in choice.weights.items()}
+            for name, choice in choices.items()
+            if set(choice.weights) != {self._full[name]}
         }
-        for effect in choosable
-        if set(choices[effect.value].weights) != {_full_level(effect, effects)}
-    }
-    steps = [_step(effect, choices.get(effect.value), eyes, scenery, effects, planning, found) for effect in Effect]
-    bound = 0.0
-    if weights and scenery.lights:
-        bound = math.inf
-    elif weights:
-        bound = max(float(chain.code_values(weights).max()) for chain in chains)
-    dark = None if planning.everything else np.any([chain.dark for chain in chains], axis=0)
-    return Planned(Plan(tuple(steps), bound), choices, dark)
+        steps = tuple(self._step(effect, choices.get(effect.name), found.get(effect.name, {})) for effect in EFFECTS)
+        bound = 0.0
+        if weights:
+            bound = math.inf if self._lights else max(float(chain.code_values(weights).max()) for chain in chains)
+        return Planned(Plan(steps, bound), choices, {} if planning.everything else _affected(chains))
 
+    def _fixed_ms(self) -> float:
+        """What every frame takes, whatever is planned."""
+        parts = [(part, "whole") for part in PARTS]
+        parts += [(effect.name, self._full[effect.name]) for effect in self._fixed]
+        return sum(self._costs.ms(part, level, self._megapixels) for part, level in parts)
 
-def fixed_ms(costs: CostModel, effects: Effects, megapixels: float) -> float:
-    """What every frame takes, whatever is planned."""
-    parts = [(part, "whole") for part in ("measure", "plan", "encode")]
-    parts += [(effect.value, _full_level(effect, effects)) for effect in (Effect.ADAPTATION, Effect.TONE)]
-    return sum(costs.ms(part, level, megapixels) for part, level in parts)
+    def _least_ms(self) -> float:
+        """What the cheapest of all levels that run takes."""
+        levels = [
+            (effect.name, level) for effect in self._optional for level in self._levels(effect) if level != SKIPPED
+        ]
+        levels += [(effect.name, self._full[effect.name]) for effect in self._optional]
+        return min(self._costs.ms(name, level, self._megapixels) for name, level in levels)
 
+    def _levels(self, effect: AnyEffect) -> Sequence[str]:
+        return effect.reduced_levels(self._settings[effect.name])
 
-def _least_ms(choosable: Sequence[Effect], scenery: Scenery, effects: Effects, costs: CostModel) -> float:
-    """What the cheapest of all levels that run takes."""
-    levels = [(effect, _full_level(effect, effects)) for effect in choosable]
-    levels += [(Effect.GLARE, GlareLevel.VEIL.value)]
-    return min(costs.ms(effect, level, scenery.megapixels) for effect, level in levels)
-
-
-def _choosable(effects: Effects) -> tuple[Effect, ...]:
-    """The effects that may be left out, as far as they are switched on."""
-    further = ((Effect.ROD_NOISE, effects.rod_noise.on), (Effect.AFTERIMAGE, effects.afterimage.on))
-    return (
-        Effect.GLARE,
-        Effect.ACUITY,
-        *(effect for effect, on in further[:1] if on),
-        Effect.NIGHT_COLOUR,
-        *(effect for effect, on in further[1:] if on),
-    )
-
-
-def _full_level(effect: Effect, effects: Effects) -> str:
-    """What an effect's level is called when nothing of it is left out."""
-    match effect:
-        case Effect.ADAPTATION:
-            return effects.adaptation.target.value
-        case Effect.GLARE:
-            return effects.glare.level.value
-        case Effect.ACUITY:
-            return effects.acuity.method.value
-        case Effect.TONE:
-            return effects.tone.operator.value
-        case Effect.NIGHT_COLOUR:
-            return effects.night_colour.method.value
-        case _:
-            return "on"
-
-
-def _lesser(
-    eyes: Sequence[Eye],
-    chains: Sequence[Chain],
-    scenery: Scenery,
-    effects: Effects,
-    planning: Planning,
-    choosable: Sequence[Effect],
-    before: Mapping[str, Choice],
-) -> dict[tuple[Effect, str], Lesser]:
-    """Of each level short of full that is open to an effect: what it may change, in the eye that it changes most."""
-    found: dict[tuple[Effect, str], Lesser] = {}
-    for effect in choosable:
-        held = before[effect].weights if effect in before else {}
-        levels = [SKIPPED] if effect in planning.leave_out else _open(effect, scenery, effects)
+    def _reduced(self, effect: AnyEffect, chains: Sequence[Chain]) -> dict[str, Reduced]:
+        """What each level short of full that is open to an effect may change."""
+        name, planning = effect.name, self._planning
+        if name in planning.leave_out:
+            levels: Sequence[str] = [SKIPPED]
+        else:
+            levels = [] if self._lights else self._levels(effect)
+        held = self._before[name].weights.keys() if name in self._before else set()
+        found: dict[str, Reduced] = {}
         for level in levels:
             of_eyes = [
-                _lesser_of(eye, chain, effect, level, effects, planning)
-                for eye, chain in zip(eyes, chains, strict=True)
+                self._reduced_of(effect, level, eye, chain) for eye, chain in zip(self._eyes, chains, strict=True)
             ]
-            worst = max(of_eyes, key=lambda lesser: lesser.error_code_values)
-            most = max(lesser.bound_code_values for lesser in of_eyes)
-            found[effect, level] = dataclasses.replace(worst, bound_code_values=most)
-            if found[effect, level].error_code_values <= planning.tolerance_code_values and not held.keys() - {
-                SKIPPED,
-                _full_level(effect, effects),
-            }:
+            worst = max(of_eyes, key=lambda reduced: reduced.error_code_values)
+            most = max(reduced.bound_code_values for reduced in of_eyes)
+            found[level] = dataclasses.replace(worst, bound_code_values=most)
+            if worst.error_code_values <= planning.tolerance_code_values and not held - {SKIPPED, self._full[name]}:
                 break  # nothing dearer can be called for
+        return found
+
+    def _reduced_of(self, effect: AnyEffect, level: str, eye: EyeContext, chain: Chain) -> Reduced:
+        planning, name = self._planning, effect.name
+        tolerance = planning.tolerance_code_values
+        change = chain.reduced(name, level)
+        of_tiles = chain.code_values({name: {level: 1.0}}) if change.any() else np.zeros(1)
+        worst = float(of_tiles.max())
+        threshold_cd_m2 = eye.adapted.threshold_cd_m2(eye.effects.adaptation)
+        change_cd_m2 = float(change[3].max()) if effect.seen_by_threshold else math.inf
+        if worst <= tolerance:
+            error = worst
+        elif change_cd_m2 <= threshold_cd_m2:
+            # As much within the tolerance as it is below the threshold.
+            error = tolerance * change_cd_m2 / threshold_cd_m2
+        else:
+            if planning.budget_ms is not None and name not in planning.leave_out:
+                # A bound is the same for all of a lamp's tile: effects are weighed by what tiles hold on average.
+                of_tiles = chain.typical.code_values({name: {level: 1.0}})
+            error = max(float(of_tiles.mean()), math.nextafter(tolerance, math.inf))
+        return Reduced(eye, error, worst, change_cd_m2, threshold_cd_m2)
+
+    def _options(self, name: str, found: Mapping[str, Reduced]) -> list[Option]:
+        if name in self._planning.leave_out:
+            return [Option(SKIPPED, 0.0, 0.0)]
+        full = Option(self._full[name], 0.0, self._costs.ms(name, self._full[name], self._megapixels))
+        if self._planning.everything:
+            return [full]
+        return [
+            *(Option(level, of.error_code_values, self._level_ms(name, level)) for level, of in found.items()),
+            full,
+        ]
+
+    def _level_ms(self, name: str, level: str) -> float:
+        return 0.0 if level == SKIPPED else self._costs.ms(name, level, self._megapixels)
+
+    def _step(self, effect: AnyEffect, choice: Choice | None, found: Mapping[str, Reduced]) -> Step:
+        name, full = effect.name, self._full[effect.name]
+        if choice is None and effect.optional:
+            return Step(name, OFF, "switched off in the settings")
+        level = full if choice is None else choice.level
+        reason = reason_of(effect, level, self._eyes, self._settings[name], self._planning, found)
+        if choice is None:
+            return Step(name, full, reason)
+        reduced = [found.get(each) for each in choice.weights if each != full]
+        bound = max((one.bound_code_values for one in reduced if one is not None), default=0.0)
+        if reduced and self._lights:
+            bound = math.inf
+        if choice.fade_from is not None:
+            reason += f"; {choice.fade:.0%} of the way from {choice.fade_from}"
+        return Step(name, choice.level, reason, bound, choice.fade_from, choice.fade)
+
+
+def _affected(chains: Sequence[Chain]) -> dict[str, NDArray[np.bool_] | None]:
+    """Tiles that an effect may change in any eye."""
+    found: dict[str, NDArray[np.bool_] | None] = {}
+    for name in chains[0].affected:
+        of_eyes = [tiles for chain in chains if (tiles := chain.affected[name]) is not None]
+        found[name] = np.any(of_eyes, axis=0) if len(of_eyes) == len(chains) else None
     return found
-
-
-def _open(effect: Effect, scenery: Scenery, effects: Effects) -> list[str]:
-    """The levels that may stand in for the one asked for, cheapest first.
-
-    Lights of their own are in no range: beside them nothing can be proven, and nothing is left out.
-    """
-    if scenery.lights:
-        return []
-    if effect is not Effect.GLARE:
-        return [SKIPPED]
-    asked = effects.glare.level
-    if asked is GlareLevel.REFERENCE:
-        return []
-    levels = [SKIPPED]
-    if asked is not GlareLevel.VEIL:
-        levels.append(GlareLevel.VEIL.value)
-    return levels
-
-
-def _lesser_of(eye: Eye, chain: Chain, effect: Effect, level: str, effects: Effects, planning: Planning) -> Lesser:
-    tolerance = planning.tolerance_code_values
-    change = chain.lesser(effect, level)
-    of_tiles = chain.code_values({effect: {level: 1.0}}) if change.any() else np.zeros(1)
-    worst = float(of_tiles.max())
-    threshold_cd_m2 = eye.adapted.threshold_cd_m2(effects.adaptation)
-    change_cd_m2 = float(change[3].max()) if effect is Effect.GLARE else math.inf
-    if worst <= tolerance:
-        error = worst
-    elif change_cd_m2 <= threshold_cd_m2:
-        # As much within the tolerance as it is below the threshold.
-        error = tolerance * change_cd_m2 / threshold_cd_m2
-    else:
-        if planning.budget_ms is not None and effect not in planning.leave_out:
-            # A bound is the same for all of a lamp's tile: effects are weighed by what tiles hold on average.
-            of_tiles = chain.typical.code_values({effect: {level: 1.0}})
-        error = max(float(of_tiles.mean()), math.nextafter(tolerance, math.inf))
-    return Lesser(eye, chain, error, worst, change_cd_m2, threshold_cd_m2)
-
-
-def _options(
-    effect: Effect,
-    effects: Effects,
-    found: Mapping[tuple[Effect, str], Lesser],
-    scenery: Scenery,
-    planning: Planning,
-    costs: CostModel,
-) -> list[Option]:
-    if effect in planning.leave_out:
-        return [Option(SKIPPED, 0.0, 0.0)]
-    full = _full_level(effect, effects)
-    in_full = Option(full, 0.0, costs.ms(effect, full, scenery.megapixels))
-    if planning.everything:
-        return [in_full]
-    lesser = [
-        Option(level, error.error_code_values, 0.0 if level == SKIPPED else costs.ms(effect, level, scenery.megapixels))
-        for (of_effect, level), error in found.items()
-        if of_effect is effect
-    ]
-    return [*lesser, in_full]
-
-
-def _step(
-    effect: Effect,
-    choice: Choice | None,
-    eyes: Sequence[Eye],
-    scenery: Scenery,
-    effects: Effects,
-    planning: Planning,
-    found: Mapping[tuple[Effect, str], Lesser],
-) -> Step:
-    if choice is None and effect not in (Effect.ADAPTATION, Effect.TONE):
-        return Step(effect, OFF, "switched off in the settings")
-    full = _full_level(effect, effects)
-    if choice is None:
-        return Step(effect, full, reason_of(effect, full, eyes, scenery.lights, effects, planning, found))
-    lesser = [found.get((effect, level)) for level in choice.weights if level != full]
-    bound = max((one.bound_code_values for one in lesser if one is not None), default=0.0)
-    if lesser and scenery.lights:
-        bound = math.inf
-    reason = reason_of(effect, choice.level, eyes, scenery.lights, effects, planning, found)
-    if choice.fade_from is not None:
-        reason += f"; {choice.fade:.0%} of the way from {choice.fade_from}"
-    return Step(effect, choice.level, reason, bound, choice.fade_from, choice.fade)

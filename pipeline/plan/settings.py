@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+import enum
+from typing import TYPE_CHECKING, Annotated
 
 import msgspec
 
-from entoptic.pipeline.plan.steps import Effect
+from entoptic.pipeline.effects import OPTIONAL
 
-LEAVABLE = (Effect.GLARE, Effect.ACUITY, Effect.ROD_NOISE, Effect.NIGHT_COLOUR, Effect.AFTERIMAGE)
-"""The effects that a picture can do without."""
+if TYPE_CHECKING:
+    OptionalEffect = str
+else:
+    OptionalEffect = enum.StrEnum("OptionalEffect", {name.upper(): name for name in OPTIONAL})
 
 
 class Planning(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -17,7 +20,7 @@ class Planning(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
     everything: bool = False
     """Every effect runs in full, called for or not."""
-    leave_out: frozenset[Effect] = frozenset()
+    leave_out: frozenset[OptionalEffect] = frozenset()
     """Effects that do not run whatever they would change: to see what each of them does."""
     tolerance_code_values: Annotated[float, msgspec.Meta(gt=0.0, le=64.0)] = 0.5
     """An effect, or a better level of it, is left out where it changes no component of any pixel by more. Half a code
@@ -26,7 +29,9 @@ class Planning(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """Time that a frame may take: of all plans that fit, the one of least predicted error. None: what it takes."""
 
     def __post_init__(self) -> None:
-        if needed := self.leave_out - set(LEAVABLE):
-            raise ValueError(f"{', '.join(sorted(needed))} cannot be left out: no picture does without")
+        if unknown := self.leave_out - set(OPTIONAL):
+            raise ValueError(
+                f"{', '.join(sorted(unknown))} cannot be left out: effects that can are {', '.join(OPTIONAL)}"
+            )
         if self.everything and self.budget_ms is not None:
             raise ValueError("everything and budget_ms exclude each other: choose one")

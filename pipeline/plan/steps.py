@@ -3,31 +3,20 @@
 from __future__ import annotations
 
 import dataclasses
-import enum
 from collections.abc import Iterator
 
+from entoptic.pipeline.effects.effect import SKIPPED
 
-class Effect(enum.StrEnum):
-    """The effects, in the order in which they run."""
-
-    ADAPTATION = "adaptation"
-    GLARE = "glare"
-    ACUITY = "acuity"
-    ROD_NOISE = "rod_noise"
-    TONE = "tone"
-    NIGHT_COLOUR = "night_colour"
-    AFTERIMAGE = "afterimage"
-
-
-SKIPPED, OFF = "skipped", "off"
-"""Levels at which an effect does not run: not called for, and switched off in the settings."""
+OFF = "off"
+"""The level of an effect that the settings switch off."""
 
 
 @dataclasses.dataclass(frozen=True)
 class Step:
     """What the plan says of one effect."""
 
-    effect: Effect
+    effect: str
+    """Its name."""
     level: str
     """How it runs, or `skipped` or `off`."""
     reason: str
@@ -65,5 +54,5 @@ class Plan:
     def __iter__(self) -> Iterator[Step]:
         return iter(self.steps)
 
-    def __getitem__(self, effect: Effect) -> Step:
-        return next(step for step in self.steps if step.effect is effect)
+    def __getitem__(self, effect: str) -> Step:
+        return next(step for step in self.steps if step.effect == effect)

@@ -9,7 +9,6 @@ from typing import Final
 
 import msgspec
 
-from entoptic.pipeline.plan import LEAVABLE
 from entoptic.services.config import EyesConfig, ViewConfig
 from entoptic.services.console.protocol import Field
 from entoptic.services.records import Leaf, leaves, options_of
@@ -72,8 +71,6 @@ def _group(path: str) -> str:
 def _field(leaf: Leaf, path: str, group: str) -> Field:
     if issubclass(leaf.kind, enum.Enum):
         kind, options = "choices" if leaf.many else "choice", options_of(leaf.kind)
-        # Of all effects, some cannot be left out.
-        options = tuple(one for one in options if leaf.name != "leave_out" or one[0] in LEAVABLE)
     else:
         kind, options = "texts" if leaf.many else _KINDS[leaf.kind], ()
     start, end = SLIDERS.get(path, (leaf.low, leaf.high))

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 from matplotlib.figure import Figure, SubFigure
 
-from entoptic.pipeline import Effect, FrameError, Step
+from entoptic.pipeline import EFFECTS, FrameError, Step
 from entoptic.pipeline.measure import luminance
 from entoptic.services.explain import panels, plan_panels
 from entoptic.services.explain.panels import INK, side_by_side
@@ -20,7 +20,7 @@ from entoptic.services.explain.variants import Explained
 DPI, WIDTH_IN = 100, 17.0
 COLOURS = dict(
     zip(
-        (effect.value for effect in Effect),
+        (effect.name for effect in EFFECTS),
         ("#5d6470", "#c8553d", "#2a6fbb", "#1a8f94", "#b8860b", "#8a5aa8", "#3a8f5a"),
         strict=True,
     )
@@ -77,7 +77,7 @@ def _entry(step: Step, explained: Explained) -> Entry:
     touch = explained.touched.get(step.effect)
     milliseconds = explained.planned.milliseconds.get(step.effect) if step.runs else None
     return Entry(
-        step.effect.value,
+        step.effect,
         step.level,
         "" if step.bound_code_values == 0 else _figure(step.bound_code_values),
         "" if touch is None else f"{touch.largest:.0f}",
@@ -119,8 +119,8 @@ def _touched(part: SubFigure, explained: Explained) -> None:
     for axes, (effect, touch) in zip(
         part.subplots(1, columns, squeeze=False)[0], explained.touched.items(), strict=False
     ):
-        title = f"{effect.value.replace('_', ' ')} changes {touch.share:.1%} of pixels, by {touch.largest:.0f} at most"
-        panels.touched(axes, image, side_by_side(touch.change), COLOURS[effect.value], title)
+        title = f"{effect.replace('_', ' ')} changes {touch.share:.1%} of pixels, by {touch.largest:.0f} at most"
+        panels.touched(axes, image, side_by_side(touch.change), COLOURS[effect], title)
     for axes in part.axes[len(explained.touched) :]:
         axes.axis("off")
 

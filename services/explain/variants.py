@@ -9,14 +9,12 @@ import numpy as np
 from jaxtyping import Float
 from msgspec.structs import replace
 
-from entoptic.pipeline import Effect, GlareLevel, Perceived, Planning
+from entoptic.pipeline import EFFECTS, OPTIONAL, Perceived, Planning
 from entoptic.pipeline.budget import SHIPPED, CostModel
 from entoptic.pipeline.effects.encode import srgb_codes
 from entoptic.pipeline.plan import SKIPPED
 from entoptic.services.explain.subject import Subject
 
-ALWAYS = frozenset({Effect.ADAPTATION, Effect.TONE})
-"""A display shows nothing without them."""
 TOUCHED_CODE_VALUES = 1.0
 """A pixel is touched if the display shows another code value."""
 
@@ -46,7 +44,7 @@ class Explained:
     planned: Perceived
     full: Perceived
     """Every effect on, as the settings ask for it."""
-    touched: dict[Effect, Touch]
+    touched: dict[str, Touch]
     """By each effect that ran and can be left out."""
 
     @property
@@ -68,13 +66,15 @@ def explain(subject: Subject, done: Callable[[], None] = lambda: None, costs: Co
     full = subject.perceived(costs, Planning(everything=True))
     done()
     touched = {}
-    glare = planned.plan[Effect.GLARE].level
-    settings = subject.settings
-    if glare != SKIPPED:
-        settings = replace(settings, glare=replace(settings.glare, level=GlareLevel(glare)))
+    levels = {
+        effect.name: effect.at_level(effect.settings_of(subject.settings), planned.plan[effect.name].level)
+        for effect in EFFECTS
+        if planned.plan[effect.name].runs
+    }
+    settings = replace(subject.settings, **levels)
     as_planned = dataclasses.replace(subject, settings=settings)
     for step in planned.plan:
-        if step.runs and step.effect not in ALWAYS:
+        if step.runs and step.effect in OPTIONAL:
             # The others as they were: what a budget saves here is spent on none of them.
             left_out = frozenset(one.effect for one in planned.plan if one.level == SKIPPED) | {step.effect}
             without = as_planned.perceived(costs, Planning(everything=True, leave_out=left_out))
@@ -85,7 +85,7 @@ def explain(subject: Subject, done: Callable[[], None] = lambda: None, costs: Co
 
 def variants() -> int:
     """How often `explain` tells that something is done."""
-    return 3 + len(Effect)
+    return 3 + len(EFFECTS)
 
 
 def code_values(perceived: Perceived) -> Float[np.ndarray, "eye y x 3"]:

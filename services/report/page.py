@@ -13,7 +13,8 @@ import jinja2
 import numpy as np
 
 from entoptic.atomic_file import write_bytes
-from entoptic.pipeline.plan import OFF, SKIPPED, Effect
+from entoptic.pipeline import EFFECTS
+from entoptic.pipeline.plan import OFF, SKIPPED
 from entoptic.services.report import latency
 from entoptic.services.report.plots import PLOTS, Subject, Table, numbers, svg
 
@@ -118,14 +119,14 @@ def _effects(plan: Table) -> list[dict[str, Any]]:
     rows: list[dict[str, Any]] = []
     if not plan:
         return rows
-    for effect in Effect:
-        levels, reasons = plan[f"{effect.value}_level"], plan[f"{effect.value}_reason"]
-        milliseconds = numbers(plan[f"{effect.value}_ms"])
+    for effect in EFFECTS:
+        levels, reasons = plan[f"{effect.name}_level"], plan[f"{effect.name}_reason"]
+        milliseconds = numbers(plan[f"{effect.name}_ms"])
         for level, count in Counter(levels).most_common():
             chosen = np.array([one == level for one in levels])
             rows.append(
                 {
-                    "effect": effect.value.replace("_", " "),
+                    "effect": effect.name.replace("_", " "),
                     "level": level,
                     "ran": level not in (SKIPPED, OFF),
                     "share": count / frames,

@@ -16,7 +16,7 @@ from matplotlib.patches import Patch
 from matplotlib.ticker import NullFormatter
 from numpy.typing import NDArray
 
-from entoptic.pipeline.plan import Effect
+from entoptic.pipeline import EFFECTS
 from entoptic.services.report import latency
 
 Table = dict[str, list[str]]
@@ -35,7 +35,7 @@ MOST_POINTS = 600
 """Of a line. Engineering choice: about what a page has pixels for; more takes time to draw and is not seen."""
 PART_COLOURS = dict(
     zip(
-        ("scene", "measure", "plan", *(effect.value for effect in Effect), "encode"),
+        ("scene", "measure", "plan", *(effect.name for effect in EFFECTS), "encode"),
         (
             *(
                 "#bdbdbd",

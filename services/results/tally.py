@@ -10,7 +10,8 @@ from pathlib import Path
 import msgspec
 import numpy as np
 
-from entoptic.pipeline.plan import OFF, SKIPPED, Effect
+from entoptic.pipeline import EFFECTS
+from entoptic.pipeline.plan import OFF, SKIPPED
 from entoptic.services.live.messages import LatencyMs
 from entoptic.services.rendering import Rendered
 from entoptic.services.results.moments import Begun
@@ -62,8 +63,8 @@ def plan_columns(eyes: Sequence[Eye]) -> list[str]:
         name = eye.name.lower()
         columns += [f"{name}_{quantity}" for quantity in ("phase", "pupil_mm", "gaze_x_px", "gaze_y_px")]
         columns += [f"{name}_{quantity}_cd_m2" for quantity in ("adapted", "mean", "max")]
-    for effect in Effect:
-        columns += [f"{effect.value}_{quantity}" for quantity in ("level", "reason", "ms")]
+    for effect in EFFECTS:
+        columns += [f"{effect.name}_{quantity}" for quantity in ("level", "reason", "ms")]
     return [
         *columns,
         "bound_code_values",
@@ -83,7 +84,7 @@ class Tally:
     def __init__(self, fps: float) -> None:
         self._fps = fps
         self._milliseconds: dict[str, array.array[float]] = {}
-        self._runs = dict.fromkeys([effect.value for effect in Effect], 0)
+        self._runs = dict.fromkeys([effect.name for effect in EFFECTS], 0)
         self._count = 0
         self._first_s = self._last_s = 0.0
 
@@ -96,7 +97,7 @@ class Tally:
                 try:
                     t_s = float(row["t_s"])
                     times = {part: float(row[f"{part}_ms"]) for part in _PARTS}
-                    effects = {effect.value: float(row[f"{effect.value}_ms"]) for effect in Effect}
+                    effects = {effect.name: float(row[f"{effect.name}_ms"]) for effect in EFFECTS}
                     runs = [
                         effect
                         for effect, ms in effects.items()
@@ -137,7 +138,7 @@ class Tally:
         cells += [f"{perceived.plan.bound_code_values:.3g}", *(f"{value:.2f}" for value in others)]
         stages = () if latency is None else (latency.sample_to_state, latency.state_to_frame, latency.frame_to_sink)
         cells += [f"{stage:.2f}" for stage in stages] or [""] * len(LATENCIES)
-        runs = [step.effect.value for step in perceived.plan if step.runs]
+        runs = [step.effect for step in perceived.plan if step.runs]
         self._count_in(t_s, {"scene": rendered.scene_ms, **milliseconds}, runs)
         return cells
 

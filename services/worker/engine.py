@@ -18,18 +18,18 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from entoptic.pipeline import Display, Effect, Step, View
+from entoptic.pipeline import Display, Step, View
 from entoptic.pipeline.display_light import black_share, seen_peak_cd_m2
+from entoptic.pipeline.effects import Effects
 from entoptic.pipeline.effects.acuity import AcuityMethod, larson
 from entoptic.pipeline.effects.acuity.fit import LIMIT_CD_M2
 from entoptic.pipeline.effects.adaptation import exposure
-from entoptic.pipeline.effects.glare import GlareLevel, Mixture
+from entoptic.pipeline.effects.glare import GLARE, GlareLevel, Mixture
 from entoptic.pipeline.effects.glare.kernel import Component, Veil
 from entoptic.pipeline.effects.glare.veil import amounts
 from entoptic.pipeline.effects.glare.window import window_of
 from entoptic.pipeline.effects.night_colour import NightColour, NightMethod, tints
 from entoptic.pipeline.effects.night_colour.share import adapted_share
-from entoptic.pipeline.effects.settings import Effects
 from entoptic.pipeline.effects.tone import Operator, full_cd_m2
 from entoptic.pipeline.effects.tone.show import coefficients
 from entoptic.pipeline.optics import radial
@@ -70,10 +70,11 @@ def engine_frame(
 
 def _eye(rendered: Rendered, k: int, eye: Eye, effects: Effects, display: Display, number: int) -> EngineEye:
     perceived, looking, view = rendered.perceived, rendered.looking[k], rendered.frame.view
+    kernel = GLARE.prepared(perceived.eyes[k]).kernel
     plan, adapted = perceived.plan, perceived.state.adapted[k]
     adapted_cd_m2, target_cd_m2 = adapted.luminance_cd_m2, adapted.tone_target_cd_m2(effects.adaptation)
     numbers = coefficients(adapted_cd_m2, target_cd_m2, effects.tone, display)
-    glare, acuity, night = plan[Effect.GLARE], plan[Effect.ACUITY], plan[Effect.NIGHT_COLOUR]
+    glare, acuity, night = plan[GLARE.name], plan["acuity"], plan["night_colour"]
     veil_alone = glare.weights.get(GlareLevel.VEIL.value, 0.0)
     phase = None if rendered.state is None else rendered.state.of(eye).phase
     method = effects.night_colour.method
@@ -91,7 +92,7 @@ def _eye(rendered: Rendered, k: int, eye: Eye, effects: Effects, display: Displa
         glare_ceiling_cd_m2=(
             full_cd_m2(adapted_cd_m2, target_cd_m2, effects.tone, display) if effects.glare.above_display else None
         ),
-        window_reach_deg=_reach_deg(view, perceived.kernels[k]) if GlareLevel.WINDOW.value in glare.weights else None,
+        window_reach_deg=_reach_deg(view, kernel) if GlareLevel.WINDOW.value in glare.weights else None,
         acuity=acuity.level,
         acuity_weight=_weight(acuity),
         acuity_sigma_px=_sigma_px(adapted_cd_m2, view, effects) if acuity.runs else 0.0,

@@ -18,7 +18,8 @@ import numpy as np
 import zmq
 from zmq.utils.monitor import recv_monitor_message
 
-from entoptic.pipeline import Display, Effect, GlareLevel, as_displayed
+from entoptic.pipeline import Display, GlareLevel, as_displayed
+from entoptic.pipeline.effects.glare import GLARE
 from entoptic.pipeline.effects.glare.window import rectangle_px
 from entoptic.services.live import messages
 from entoptic.services.live.door import Door
@@ -158,8 +159,8 @@ class LivePublisher:
             )
 
     def _show_engine(self, rendered: Rendered, eyes: Sequence[Eye], settings: Settings, t_ns: int) -> None:
-        kernels = rendered.perceived.kernels
-        runs = rendered.perceived.plan[Effect.GLARE].runs
+        kernels = [GLARE.prepared(one).kernel for one in rendered.perceived.eyes]
+        runs = rendered.perceived.plan[GLARE.name].runs
         numbers = [
             self._numbers.number(eye, kernel, t_ns) if runs else 0 for eye, kernel in zip(eyes, kernels, strict=True)
         ]
@@ -233,7 +234,7 @@ def eye_shown(rendered: Rendered, k: int, eye: Eye) -> EyeShown:
     """One eye's figures."""
     perceived, looking, view = rendered.perceived, rendered.looking[k], rendered.frame.view
     gaze_px = view.pixel_of(looking.azimuth_deg, looking.elevation_deg)
-    in_window = GlareLevel.WINDOW.value in perceived.plan[Effect.GLARE].weights
+    in_window = GlareLevel.WINDOW.value in perceived.plan[GLARE.name].weights
     return EyeShown(
         eye=eye.name.lower(),
         phase="none" if rendered.state is None else rendered.state.of(eye).phase.value,
@@ -244,7 +245,7 @@ def eye_shown(rendered: Rendered, k: int, eye: Eye) -> EyeShown:
         adapted_cd_m2=perceived.state.adapted_cd_m2[k],
         mean_cd_m2=perceived.measured[k].mean_cd_m2,
         max_cd_m2=perceived.measured[k].max_cd_m2,
-        window_px=rectangle_px(view, perceived.kernels[k], gaze_px) if in_window else None,
+        window_px=rectangle_px(view, GLARE.prepared(perceived.eyes[k]).kernel, gaze_px) if in_window else None,
     )
 
 
@@ -252,7 +253,7 @@ def _plan_shown(rendered: Rendered) -> tuple[StepShown, ...]:
     perceived = rendered.perceived
     return tuple(
         StepShown(
-            effect=step.effect.value,
+            effect=step.effect,
             level=step.level,
             runs=step.runs,
             reason=step.reason,

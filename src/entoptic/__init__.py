@@ -15,10 +15,12 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from entoptic.pipeline import (
+        EFFECTS,
         Display,
         Effect,
         Effects,
         Encoding,
+        EyeContext,
         EyePose,
         Frame,
         FrameError,
@@ -42,10 +44,12 @@ if TYPE_CHECKING:
 __version__ = importlib.metadata.version("entoptic")
 
 __all__ = [
+    "EFFECTS",
     "Display",
     "Effect",
     "Effects",
     "Encoding",
+    "EyeContext",
     "EyePose",
     "Frame",
     "FrameError",

@@ -43,7 +43,7 @@ def fuzz(name: str, seconds: int) -> None:
     import atheris
 
     # Before the first import: what is imported already is not led by coverage.
-    with atheris.instrument_imports(include=["tracker_bridge"]):
+    with atheris.instrument_imports(include=["entoptic"]):
         from decoders import decoders
     decoder = decoders()[name]
 

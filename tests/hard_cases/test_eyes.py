@@ -194,6 +194,6 @@ def test_the_same_pixels_in_another_view_are_another_frame() -> None:
     images = []
     for fov_deg in (60.0, 100.0):
         perceived = perceive(Frame(pixels, View(64, 60, fov_deg)), EYE, observer=SMALL, state=state)
-        state = RenderState((1.0,), perceived.state.ocular, perceived.state.glared)
+        state = RenderState((1.0,), perceived.state.ocular, reusable=perceived.state.reusable)
         images.append(perceived.image)
     assert not np.array_equal(*images)

@@ -7,6 +7,7 @@ of light are relative to the pixel; where an effect sums a frame's light, also t
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from eye_contexts import glared
 from hard_frames import SMALL, VIEW, every_adapted, every_frame, of_name, see
 
 from entoptic.pipeline import Display, EyePose, Frame, Glare, GlareLevel, GlareModel
@@ -18,7 +19,7 @@ from entoptic.pipeline.cost.plain import tone as plain_tone
 from entoptic.pipeline.cost.plain import whole as plain_whole
 from entoptic.pipeline.effects import acuity, adaptation, night_colour, tone
 from entoptic.pipeline.effects.encode import srgb_codes
-from entoptic.pipeline.effects.glare import Sight, mixture, scatter
+from entoptic.pipeline.effects.glare import mixture
 from entoptic.pipeline.effects.glare.reference import of_mixture, reference_glare
 from entoptic.pipeline.effects.night_colour import NightColour, NightMethod
 from entoptic.pipeline.effects.tone import Hue, Operator, Tone
@@ -48,9 +49,7 @@ def test_glare_is_within_1e_3_of_the_pixel_and_of_the_veil(name: str, model: Gla
     """The veil's tiles take it up, 8e-4 beside a sun; without one it is ten times less."""
     rgb, exact = of_name(name)
     kernel = mixture(model, SMALL, Pose(4.0), 0.01, VIEW.ppd_centre)
-    measured = measure(Frame(jnp.asarray(rgb)[None], VIEW))[0]
-    sight = Sight(VIEW, measured, (32.0, 30.0), kernel, SMALL, Pose(4.0), 0.01)
-    image = np.asarray(scatter(jnp.asarray(rgb), sight, Glare(model, GlareLevel.FRAME)), np.float64)
+    image = glared(rgb, VIEW, kernel, SMALL, Pose(4.0), Glare(model, GlareLevel.FRAME))
     truth = reference_glare(exact, VIEW, *of_mixture(kernel))
     share = 1e-3 if name == "sun" else 1e-4
     np.testing.assert_allclose(image, truth, rtol=share, atol=share * float(np.median(truth)))

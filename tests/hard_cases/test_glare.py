@@ -6,13 +6,14 @@ import math
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from eye_contexts import glared
 
 from entoptic.pipeline.effects import glare
 from entoptic.pipeline.effects.glare import models, reference
 from entoptic.pipeline.effects.glare.kernel import Mixture, component
 from entoptic.pipeline.effects.glare.settings import Glare, GlareLevel
 from entoptic.pipeline.frame import Frame, FrameError, View
-from entoptic.pipeline.measure import luminance, measure
+from entoptic.pipeline.measure import luminance
 from entoptic.pipeline.observer import Observer
 from entoptic.pipeline.optics import analytic, whole
 from entoptic.pipeline.optics.aperture import Pose
@@ -40,11 +41,7 @@ def compact(pixels_per_deg: float) -> Mixture:
 
 
 def scattered(rgb: np.ndarray, view: View, kernel: Mixture, level: GlareLevel) -> np.ndarray:
-    image = jnp.asarray(rgb, jnp.float32)
-    measured = measure(Frame(image[None], view))[0]
-    middle = (view.width_px / 2, view.height_px / 2)
-    sight = glare.Sight(view, measured, middle, kernel, OBSERVER, Pose(4.0), 1.0)
-    return np.asarray(glare.scatter(image, sight, Glare(level=level)), np.float64)
+    return glared(rgb, view, kernel, OBSERVER, Pose(4.0), Glare(level=level))
 
 
 def sun(view: View, x_px: float, y_px: float) -> np.ndarray:

@@ -7,12 +7,11 @@ import pytest
 from hard_frames import EVERYTHING, UNSPREAD, WIDTH, grey, linear, see, textured
 
 from entoptic.pipeline import Glare, GlareLevel, GlareModel, RenderState
-from entoptic.pipeline.plan import Effect
 
 BAD = [-1e-6, -1.0, -1e4, -math.inf, math.nan]
 Y, X = 10, 12
 """Where the bad pixel is."""
-CALLED_FOR = {Effect.ADAPTATION, Effect.GLARE, Effect.ACUITY, Effect.TONE, Effect.NIGHT_COLOUR}
+CALLED_FOR = {"adaptation", "glare", "acuity", "tone", "night_colour"}
 """What is on unless settings say otherwise."""
 
 

@@ -143,7 +143,7 @@ def test_a_blinking_light_leaves_no_ghost() -> None:
     """A frame without the light is the same whether or not the one before had it: glare has no memory."""
     on, off = (blinking(1e5, 1.0, 60)[k] for k in (0, 6))
     state = see(on, state=RenderState((0.05,)), glare=SPREAD).state
-    perceived = see(off, state=RenderState((0.05,), state.ocular, state.glared), glare=SPREAD)
+    perceived = see(off, state=RenderState((0.05,), state.ocular, reusable=state.reusable), glare=SPREAD)
     assert np.array_equal(perceived.image, see(off, state=RenderState((0.05,)), glare=SPREAD).image)
 
 

@@ -19,7 +19,7 @@ from entoptic.pipeline import (
     perceive,
 )
 from entoptic.pipeline.effects import adaptation, tone
-from entoptic.pipeline.plan import SKIPPED, Effect
+from entoptic.pipeline.plan import SKIPPED
 
 OBSERVER = Observer()
 
@@ -39,36 +39,36 @@ def levels(perceived: Perceived) -> dict[str, str]:
 
 def test_a_bright_room_skips_acuity_and_night_colour_with_reasons() -> None:
     perceived = perceive(room(120.0), observer=OBSERVER)
-    assert levels(perceived)[Effect.ACUITY] == levels(perceived)[Effect.NIGHT_COLOUR] == SKIPPED
-    assert levels(perceived)[Effect.GLARE] == "window"
+    assert levels(perceived)["acuity"] == levels(perceived)["night_colour"] == SKIPPED
+    assert levels(perceived)["glare"] == "window"
     reasons = {step.effect: step.reason for step in perceived.plan}
-    assert "cd/m²" in reasons[Effect.ACUITY]
-    assert "rods carry 0.0003" in reasons[Effect.NIGHT_COLOUR]
-    assert not {Effect.ACUITY, Effect.NIGHT_COLOUR} & set(perceived.milliseconds)
+    assert "cd/m²" in reasons["acuity"]
+    assert "rods carry 0.0003" in reasons["night_colour"]
+    assert not {"acuity", "night_colour"} & set(perceived.milliseconds)
 
 
 def test_a_dark_room_without_lights_skips_glare_and_runs_the_rest() -> None:
     perceived = perceive(room(0.005), observer=OBSERVER)
-    assert levels(perceived)[Effect.GLARE] == SKIPPED
-    assert levels(perceived)[Effect.ACUITY] != SKIPPED
-    assert levels(perceived)[Effect.NIGHT_COLOUR] != SKIPPED
+    assert levels(perceived)["glare"] == SKIPPED
+    assert levels(perceived)["acuity"] != SKIPPED
+    assert levels(perceived)["night_colour"] != SKIPPED
 
 
 def test_the_same_dark_room_with_a_lamp_runs_glare() -> None:
-    assert levels(perceive(room(0.005, lamp_cd_m2=100.0), observer=OBSERVER))[Effect.GLARE] == "window"
+    assert levels(perceive(room(0.005, lamp_cd_m2=100.0), observer=OBSERVER))["glare"] == "window"
 
 
 def glare_reason(perceived: Perceived) -> str:
-    return next(step.reason for step in perceived.plan if step.effect == Effect.GLARE)
+    return next(step.reason for step in perceived.plan if step.effect == "glare")
 
 
 def test_a_plain_bright_wall_calls_for_glare_where_the_gaze_window_reaches_the_dark_beyond_its_edges() -> None:
     """There a pixel loses a tenth of its light, and a cone tells 5.6 % apart."""
     wall = np.full((200, 180, 3), 100.0, np.float32)
     around, narrow = (perceive(Frame.from_rgb(wall, fov_deg), observer=OBSERVER) for fov_deg in (104.0, 50.0))
-    assert levels(around)[Effect.GLARE] == SKIPPED
+    assert levels(around)["glare"] == SKIPPED
     assert "below the eye's threshold" in glare_reason(around)
-    assert levels(narrow)[Effect.GLARE] == "window"
+    assert levels(narrow)["glare"] == "window"
     assert "over the eye's threshold" in glare_reason(narrow)
 
 
@@ -150,7 +150,7 @@ def test_a_brighter_display_shows_middle_grey_at_the_same_luminance(peak_cd_m2: 
     adapted = 100.0
     frame = Frame.from_rgb(np.full((64, 60, 3), 0.18 / adaptation.exposure(adapted), np.float32), 20.0)
     state, display = RenderState((adapted,)), Display(peak_cd_m2=peak_cd_m2)
-    bare = Planning(leave_out=frozenset({Effect.GLARE}))
+    bare = Planning(leave_out=frozenset({"glare"}))
     seen = perceive(frame, EyePose(pupil_mm=2.0), observer=OBSERVER, display=display, state=state, planning=bare)
     assert np.asarray(seen.linear) * peak_cd_m2 == pytest.approx(expected, rel=1e-6)
 
@@ -168,5 +168,5 @@ def test_the_analytic_model_glares_wherever_the_eye_looks() -> None:
     frame = room(0.1, lamp_cd_m2=1e5)
     glare = Glare(GlareModel.SPE, GlareLevel.FRAME)
     perceived = perceive(frame, EyePose(20.0, 15.0, 4.0), observer=OBSERVER, effects=Effects(glare=glare))
-    assert levels(perceived)[Effect.GLARE] == "frame"
+    assert levels(perceived)["glare"] == "frame"
     assert perceived.image[0, 100, 60].min() > 0

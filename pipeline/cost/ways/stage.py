@@ -12,8 +12,8 @@ from jaxtyping import Array, Float
 from numpy.typing import NDArray
 
 from entoptic.pipeline.cost.plain import acuity, night_colour, tone
-from entoptic.pipeline.cost.scenes import CostScene
-from entoptic.pipeline.effects.glare import Glare, GlareLevel, GlareModel, Mixture, Sight, mixture, scatter
+from entoptic.pipeline.cost.scenes import CostScene, straight_ahead
+from entoptic.pipeline.effects.glare import Glare, GlareLevel, GlareModel, Mixture, PreparedGlare, mixture, scatter
 from entoptic.pipeline.effects.tone import ceiling_cd_m2
 from entoptic.pipeline.frame import Display
 from entoptic.pipeline.measure import Measurement, measure
@@ -65,19 +65,11 @@ class Stage:
 
     def glare(self, settings: Glare) -> Float[Array, "3 y x"]:
         """The scene with glare, cd/m², as the program makes it."""
-        view = self.scene.frame.view
         ceiling = ceiling_cd_m2(self.exposure, self.display.peak_cd_m2) if settings.above_display else None
-        sight = Sight(
-            view=view,
-            measured=self.scene.measured,
-            gaze_px=view.pixel_of(0.0, 0.0),
-            kernel=self.kernel(settings.model),
-            observer=self.observer,
-            pose=self.pose,
-            adapted_cd_m2=self.adapted_cd_m2,
-            ceiling_cd_m2=ceiling,
+        prepared = PreparedGlare(self.kernel(settings.model), ceiling)
+        return scatter(
+            self.rgb, straight_ahead(self.scene.frame, self.observer, self.pose), prepared, settings, settings.level
         )
-        return scatter(self.rgb, sight, settings)
 
     @functools.cached_property
     def glared(self) -> Float[np.ndarray, "3 y x"]:

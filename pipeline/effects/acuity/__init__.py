@@ -14,37 +14,44 @@ cheap.py       cube root, exponential and arc tangent at a fraction of their pri
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING
 
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 from numpy.typing import NDArray
 
-from entoptic.pipeline.effects.acuity.bounds import dark_tiles, limit_cd_m2, passed_on, skipped
+from entoptic.pipeline.effects.acuity.bounds import dark_tiles, limit_cd_m2, propagate, skip_bound
 from entoptic.pipeline.effects.acuity.cielab import EPSILON, KAPPA, WHITE_CD_M2, lightness, luminance_of
 from entoptic.pipeline.effects.acuity.fit import LIMIT_CD_M2, RADIUS_PX, dark_acuity
 from entoptic.pipeline.effects.acuity.krawczyk import krawczyk_acuity
 from entoptic.pipeline.effects.acuity.reference import reference_acuity
 from entoptic.pipeline.effects.acuity.settings import Acuity, AcuityMethod
 from entoptic.pipeline.effects.acuity.tiles import dark_acuity_of_tiles
+from entoptic.pipeline.effects.effect import Cost, Domain, Effect, Picture, TileChanges, TileRanges
 from entoptic.pipeline.frame import FrameError
+from entoptic.pipeline.ranges import Change
+from entoptic.pipeline.words import darkness
 
 __all__ = [
+    "ACUITY",
     "EPSILON",
     "KAPPA",
     "LIMIT_CD_M2",
     "RADIUS_PX",
     "WHITE_CD_M2",
     "Acuity",
+    "AcuityEffect",
     "AcuityMethod",
     "dark_acuity",
     "dark_tiles",
     "lightness",
     "limit_cd_m2",
     "luminance_of",
-    "passed_on",
+    "propagate",
     "reduce_acuity",
-    "skipped",
+    "skip_bound",
 ]
 
 
@@ -77,3 +84,57 @@ def reduce_acuity(
     if settings.method is AcuityMethod.KRAWCZYK:
         return krawczyk_acuity(rgb, pixels_per_deg, settings.display_limit)
     return dark_acuity(rgb) if tiles is None else dark_acuity_of_tiles(rgb, tiles, tile_px)
+
+
+if TYPE_CHECKING:
+    from entoptic.pipeline.eye_context import EyeContext
+
+
+class AcuityEffect(Effect[Acuity, None]):
+    """Detail that an eye loses in the dark."""
+
+    name = "acuity"
+    domain = Domain.SCENE
+    Settings = Acuity
+    costs: Mapping[str, Cost] = {"fit": Cost(0.5, 8.0), "krawczyk": Cost(1.0, 28.0)}
+
+    def full_level(self, settings: Acuity) -> str:
+        return settings.method.value
+
+    def affected_tiles(self, ranges: TileRanges, eye: EyeContext, settings: Acuity) -> NDArray[np.bool_]:
+        return dark_tiles(ranges.image, eye.view.ppd_centre, settings)
+
+    def apply(
+        self,
+        picture: Picture,
+        eyes: Sequence[EyeContext],
+        settings: Acuity,
+        level: str,
+        tiles: NDArray[np.bool_] | None,
+    ) -> Float[Array, "eye 3 y x"]:
+        tile_px = eyes[0].measured.range_cd_m2.tile_px
+        return reduce_acuity(picture.image, eyes[0].view.ppd_centre, settings, tiles, tile_px)
+
+    def bound(self, ranges: TileRanges, eye: EyeContext, settings: Acuity, level: str) -> Change:
+        return skip_bound(ranges.image, eye.view.ppd_centre, settings)
+
+    def propagate(self, changes: TileChanges, ranges: TileRanges, eye: EyeContext, settings: Acuity) -> Change:
+        return propagate(changes.image, ranges.image, eye.view.ppd_centre, settings)
+
+    def reason(self, eye: EyeContext, settings: Acuity) -> str:
+        limit = limit_cd_m2(eye.view.ppd_centre, settings)
+        sharp = f"; an eye resolves every pixel above {limit:.2g}" if eye.measured.min_cd_m2 >= limit else ""
+        return f"{darkness(eye.measured, 0.01)}{sharp}"
+
+    def oracle(self, picture: Picture, eye: EyeContext, settings: Acuity) -> NDArray[np.float64]:
+        raise SystemError
+
+    def variants(self) -> Mapping[str, Acuity]:
+        return {
+            "fit": Acuity(),
+            "krawczyk": Acuity(method=AcuityMethod.KRAWCZYK),
+            "krawczyk, no display limit": Acuity(method=AcuityMethod.KRAWCZYK, display_limit=False),
+        }
+
+
+ACUITY = AcuityEffect()

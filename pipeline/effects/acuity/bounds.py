@@ -40,7 +40,7 @@ def dark_tiles(range_: Range, pixels_per_deg: float, settings: Acuity) -> NDArra
     return np.asarray(range_.low[3] < limit_cd_m2(pixels_per_deg, settings) * (1 + ROUNDING))
 
 
-def skipped(range_: Range, pixels_per_deg: float, settings: Acuity) -> Change:
+def skip_bound(range_: Range, pixels_per_deg: float, settings: Acuity) -> Change:
     """The most that leaving acuity out changes any pixel of each tile; 0 where it is bright, or even to its reach."""
     dark = dark_tiles(range_, pixels_per_deg, settings)
     if not dark.any():
@@ -60,7 +60,7 @@ def _grey(range_: Range, near: Range, pixels_per_deg: float, settings: Acuity) -
     return np.maximum(brighter, darker)
 
 
-def passed_on(change: Change, range_: Range, pixels_per_deg: float, settings: Acuity) -> Change:
+def propagate(change: Change, range_: Range, pixels_per_deg: float, settings: Acuity) -> Change:
     """What acuity makes of a change of its input at most. Bright tiles pass it on as it is."""
     wide = range_.widened(change)
     dark = dark_tiles(wide, pixels_per_deg, settings)

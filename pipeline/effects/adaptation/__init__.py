@@ -7,6 +7,15 @@ pigments.py   what strong light bleaches, and what the eye loses by it for half 
 state.py      one eye's adaptation from frame to frame
 """
 
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+from jaxtyping import Array, Float
+from numpy.typing import NDArray
+
 from entoptic.pipeline.effects.adaptation.courses import (
     TAU_CONE_S,
     TAU_ROD_S,
@@ -24,13 +33,18 @@ from entoptic.pipeline.effects.adaptation.pigments import (
 from entoptic.pipeline.effects.adaptation.settings import GAZE_SD_DEG, Adaptation, Bleaching, Course, Target
 from entoptic.pipeline.effects.adaptation.state import Adapted, begin, exposure, step
 from entoptic.pipeline.effects.adaptation.targets import FLOOR_CD_M2, target_cd_m2
+from entoptic.pipeline.effects.effect import Cost, Domain, Effect, Picture, TileChanges, TileRanges
+from entoptic.pipeline.ranges import Change
+from entoptic.pipeline.words import of_each_eye
 
 __all__ = [
+    "ADAPTATION",
     "FLOOR_CD_M2",
     "GAZE_SD_DEG",
     "TAU_CONE_S",
     "TAU_ROD_S",
     "Adaptation",
+    "AdaptationEffect",
     "Adapted",
     "Bleaching",
     "Course",
@@ -48,3 +62,51 @@ __all__ = [
     "step_pigments",
     "target_cd_m2",
 ]
+
+
+if TYPE_CHECKING:
+    from entoptic.pipeline.eye_context import EyeContext
+
+
+class AdaptationEffect(Effect[Adaptation, None]):
+    """The luminance that an eye is adapted to: it changes no image itself, all that follows goes by it."""
+
+    name = "adaptation"
+    domain = Domain.SCENE
+    Settings = Adaptation
+    optional = False
+    costs: Mapping[str, Cost] = {"lui": Cost(0.3, 0.0)}
+
+    def full_level(self, settings: Adaptation) -> str:
+        return settings.target.value
+
+    def required(self, eyes: Sequence[EyeContext], settings: Adaptation) -> str:
+        return f"adapted to {of_each_eye(eye.adapted_cd_m2 for eye in eyes)} cd/m²"
+
+    def apply(
+        self,
+        picture: Picture,
+        eyes: Sequence[EyeContext],
+        settings: Adaptation,
+        level: str,
+        tiles: NDArray[np.bool_] | None,
+    ) -> Float[Array, "eye 3 y x"]:
+        return picture.image
+
+    def bound(self, ranges: TileRanges, eye: EyeContext, settings: Adaptation, level: str) -> Change:
+        return np.zeros_like(ranges.image.low)
+
+    def propagate(self, changes: TileChanges, ranges: TileRanges, eye: EyeContext, settings: Adaptation) -> Change:
+        return changes.image
+
+    def reason(self, eye: EyeContext, settings: Adaptation) -> str:
+        return self.required([eye], settings)
+
+    def oracle(self, picture: Picture, eye: EyeContext, settings: Adaptation) -> NDArray[np.float64]:
+        raise SystemError
+
+    def variants(self) -> Mapping[str, Adaptation]:
+        return {target.value: Adaptation(target=target) for target in Target} | {"lui, robust": Adaptation(robust=True)}
+
+
+ADAPTATION = AdaptationEffect()

@@ -20,7 +20,7 @@ from entoptic.pipeline.frame import LUMINANCE_WEIGHTS, View
 from entoptic.pipeline.ranges import Change, Range
 
 
-def skipped(range_: Range, retina: Retina, view: View, gaze_px: tuple[float, float]) -> Change:
+def skip_bound(range_: Range, retina: Retina, view: View, gaze_px: tuple[float, float]) -> Change:
     """The most that leaving afterimages out changes any pixel of each tile."""
     alike, apart, light = _over_tiles(range_.tile_px, retina, view, gaze_px)
     low, high = range_.low[:3], range_.high[:3]
@@ -28,7 +28,7 @@ def skipped(range_: Range, retina: Retina, view: View, gaze_px: tuple[float, flo
     return _with_luminance(_headroom(low, high) * _more(high, alike, apart) + light * room)
 
 
-def passed_on(change: Change, range_: Range, retina: Retina, view: View, gaze_px: tuple[float, float]) -> Change:
+def propagate(change: Change, range_: Range, retina: Retina, view: View, gaze_px: tuple[float, float]) -> Change:
     """What becomes of a change that came before them."""
     alike, apart, _ = _over_tiles(range_.tile_px, retina, view, gaze_px)
     wide = range_.widened(change)

@@ -88,6 +88,17 @@ class Component:
         to, away_px = self._strewn
         return np.asarray((to * np.hypot(*away_px)).sum(axis=(2, 3)))
 
+    @functools.cached_property
+    def gain(self) -> NDArray[np.float64]:
+        """(4, 3): what arrives at most in red, green, blue and luminance of a unit of each channel all over."""
+        scatters = np.asarray(self.scatters, np.float64)
+        if len(scatters) == 1:
+            scatters = np.eye(3)[:, :, None, None] * scatters
+        both = [
+            np.concatenate([part, np.tensordot(LUMINANCE_WEIGHTS, part, 1)[None]]) for part in (scatters, self.keeps)
+        ]
+        return np.asarray(np.abs(both[0]).sum(axis=(2, 3)) + np.abs(both[1]))
+
     @property
     def _strewn(self) -> tuple[NDArray[np.float64], NDArray[np.intp]]:
         """Magnitudes (4, 3, j, k), and how far down and right each goes. What lands where it comes from is 0."""

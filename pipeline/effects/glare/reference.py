@@ -28,7 +28,7 @@ from entoptic.pipeline.frame import LUMINANCE_WEIGHTS, View
 from entoptic.pipeline.optics import radial
 
 if TYPE_CHECKING:
-    from entoptic.pipeline.effects.glare import Sight
+    from entoptic.pipeline.eye_context import EyeContext
 
 BRIGHTEST = 256
 """Pixels summed one by one. Engineering choice: more than the sun's disc has at 14 pixels per degree, in 2 s."""
@@ -42,17 +42,17 @@ PAIRS_AT_ONCE = 1 << 17
 Reals = NDArray[np.float64]
 
 
-def of_sight(rgb: ArrayLike, sight: Sight, model: GlareModel) -> Reals:
+def of_eye(rgb: ArrayLike, eye: EyeContext, kernel: Mixture, ceiling_cd_m2: float | None, model: GlareModel) -> Reals:
     """One eye's image in cd/m² with glare; in wave optics with an FFT in float64 for each wavelength: minutes."""
     values = np.asarray(rgb, np.float64)
     light = values
-    if sight.ceiling_cd_m2 is not None:
+    if ceiling_cd_m2 is not None:
         luminance = np.einsum("c,cyx->yx", LUMINANCE_WEIGHTS, values)
-        light = values * convolve.spill_share(luminance, sight.ceiling_cd_m2)
+        light = values * convolve.spill_share(luminance, ceiling_cd_m2)
     if model is GlareModel.WAVE:
-        kernel, wide, share = models.reference_kernel(sight.observer, sight.pose, sight.view.ppd_centre)
-        return values + reference_change(light, sight.view, kernel, [(wide, share)])
-    return values + reference_change(light, sight.view, *of_mixture(sight.kernel))
+        fresh, wide, share = models.reference_kernel(eye.observer, eye.aperture, eye.view.ppd_centre)
+        return values + reference_change(light, eye.view, fresh, [(wide, share)])
+    return values + reference_change(light, eye.view, *of_mixture(kernel))
 
 
 def of_mixture(mixture: Mixture) -> tuple[Reals, list[tuple[Veil, float]]]:

@@ -31,14 +31,14 @@ class _Shares:
     step: Tiles
 
 
-def skipped(range_: Range, adapted_cd_m2: float, settings: NightColour, scene: Range | None = None) -> Change:
+def skip_bound(range_: Range, adapted_cd_m2: float, settings: NightColour, scene: Range | None = None) -> Change:
     """The most that leaving night colour out changes a pixel: `range_` is displayed, `scene` in cd/m² (per_pixel)."""
     still = np.zeros_like(range_.low)
     shares = _shares(range_, still, adapted_cd_m2, settings, scene, still)
     return shares.high * _distance(range_, adapted_cd_m2, settings.method)
 
 
-def passed_on(
+def propagate(
     change: Change,
     range_: Range,
     adapted_cd_m2: float,

@@ -9,7 +9,17 @@ bounds.py    what tone mapping makes of a range of values and of a change
 code_values.py  what that is in code values
 """
 
-from entoptic.pipeline.effects.tone.bounds import passed_on, shown
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+from jaxtyping import Array, Float
+from numpy.typing import NDArray
+
+from entoptic.pipeline.effects.effect import Cost, Domain, Effect, Picture, TileChanges, TileRanges
+from entoptic.pipeline.effects.tone.bounds import propagate, shown
 from entoptic.pipeline.effects.tone.code_values import code_values
 from entoptic.pipeline.effects.tone.filmic import (
     MIDDLE_GREY,
@@ -20,19 +30,85 @@ from entoptic.pipeline.effects.tone.filmic import (
 )
 from entoptic.pipeline.effects.tone.settings import Hue, Operator, Tone
 from entoptic.pipeline.effects.tone.show import full_cd_m2, show
+from entoptic.pipeline.ranges import Change, Range
 
 __all__ = [
     "MIDDLE_GREY",
     "REFERENCE_PEAK_CD_M2",
+    "TONE",
     "Hue",
     "Operator",
     "Tone",
+    "ToneEffect",
     "aces",
     "ceiling_cd_m2",
     "code_values",
     "display_scale",
     "full_cd_m2",
-    "passed_on",
+    "propagate",
     "show",
     "shown",
 ]
+
+
+if TYPE_CHECKING:
+    from entoptic.pipeline.eye_context import EyeContext
+
+
+class ToneEffect(Effect[Tone, None]):
+    """From the luminance of the scene to that of the display."""
+
+    name = "tone"
+    domain = Domain.DISPLAY
+    Settings = Tone
+    optional = False
+    costs: Mapping[str, Cost] = {
+        "aces": Cost(0.3, 1.8),
+        "reinhard": Cost(0.3, 4.6),
+        "ward": Cost(0.3, 2.3),
+        "durand": Cost(0.3, 10.5),
+        "curve": Cost(0.3, 10.5),
+    }
+
+    def full_level(self, settings: Tone) -> str:
+        return settings.operator.value
+
+    def required(self, eyes: Sequence[EyeContext], settings: Tone) -> str:
+        return "every display needs it"
+
+    def ranges_after(self, ranges: TileRanges, hidden: Change, eye: EyeContext, settings: Tone) -> Range:
+        return shown(ranges.image, eye.adapted_cd_m2, eye.target_cd_m2, settings, eye.display)
+
+    def apply(
+        self,
+        picture: Picture,
+        eyes: Sequence[EyeContext],
+        settings: Tone,
+        level: str,
+        tiles: NDArray[np.bool_] | None,
+    ) -> Float[Array, "eye 3 y x"]:
+        adapted_cd_m2, target_cd_m2 = [eye.adapted_cd_m2 for eye in eyes], [eye.target_cd_m2 for eye in eyes]
+        return show(picture.image, adapted_cd_m2, target_cd_m2, settings, eyes[0].display)
+
+    def bound(self, ranges: TileRanges, eye: EyeContext, settings: Tone, level: str) -> Change:
+        return np.zeros_like(ranges.image.low)
+
+    def propagate(self, changes: TileChanges, ranges: TileRanges, eye: EyeContext, settings: Tone) -> Change:
+        return propagate(changes.image, ranges.image, eye.adapted_cd_m2, eye.target_cd_m2, settings, eye.display)
+
+    def reason(self, eye: EyeContext, settings: Tone) -> str:
+        return self.required([eye], settings)
+
+    def oracle(self, picture: Picture, eye: EyeContext, settings: Tone) -> NDArray[np.float64]:
+        raise SystemError
+
+    def variants(self) -> Mapping[str, Tone]:
+        return {
+            operator.value if hue is Hue.CLIP else f"{operator.value}, {hue.value}": Tone(operator=operator, hue=hue)
+            for operator in Operator
+            if operator is not Operator.CURVE
+            for hue in Hue
+        }
+
+
+TONE = ToneEffect()

@@ -29,7 +29,7 @@ def shown(range_: Range, adapted_cd_m2: float, target_cd_m2: float, settings: To
     return Range(_with_luminance(low), _with_luminance(high), range_.tile_px)
 
 
-def passed_on(
+def propagate(
     change: Change, range_: Range, adapted_cd_m2: float, target_cd_m2: float, settings: Tone, display: Display
 ) -> Change:
     """How much the display may change where the scene changes by `change` cd/m², both within `range_` widened by it."""

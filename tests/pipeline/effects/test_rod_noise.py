@@ -18,8 +18,7 @@ from entoptic.pipeline.effects.rod_noise import (
     THERMAL_PER_S,
     RodNoise,
     add_noise,
-    passed_on,
-    skipped,
+    propagate,
 )
 from entoptic.pipeline.frame import LUMINANCE_WEIGHTS, FrameError
 from entoptic.pipeline.mesopic import WHITE_RATIO
@@ -172,7 +171,7 @@ def test_no_pixel_changes_by_more_than_stated(
 ) -> None:
     frame = random_frame(seed, spread)
     shown = np.asarray(add_noise(jnp.asarray(frame), elapsed_s, [pupil_mm], 10.0, noise))
-    bound = skipped(range_of(frame), pupil_mm, noise)
+    bound = skip_bound(range_of(frame), pupil_mm, noise)
     assert (change_of(frame, shown) <= bound * (1 + 1e-5) + 1e-6 * frame.max()).all()
 
 
@@ -194,14 +193,14 @@ def test_no_change_grows_by_more_than_stated(
     shown, other_shown = (
         np.asarray(add_noise(jnp.asarray(values), elapsed_s, [pupil_mm], 10.0, noise)) for values in (frame, other)
     )
-    bound = passed_on(change_of(frame, other), range_of(frame), pupil_mm, noise)
+    bound = propagate(change_of(frame, other), range_of(frame), pupil_mm, noise)
     slack = 1e-5 * max(shown.max(), other_shown.max(), frame.max())
     assert (change_of(shown, other_shown) <= bound * (1 + 1e-5) + slack).all()
 
 
 def test_bright_tiles_are_certain_to_stay() -> None:
-    assert not skipped(range_of(np.full((1, 3, SIDE, SIDE), 0.02, np.float32)), PUPIL_MM, NOISE).any()
-    dark = skipped(range_of(np.full((1, 3, SIDE, SIDE), 1e-4, np.float32)), PUPIL_MM, NOISE)
+    assert not skip_bound(range_of(np.full((1, 3, SIDE, SIDE), 0.02, np.float32)), PUPIL_MM, NOISE).any()
+    dark = skip_bound(range_of(np.full((1, 3, SIDE, SIDE), 1e-4, np.float32)), PUPIL_MM, NOISE)
     # Seven standard deviations.
     assert 1e-4 * 0.43 < dark.max() < 1e-4 * 10
 
@@ -211,7 +210,7 @@ def test_the_bound_is_reached_by_the_largest_noise() -> None:
         count = events(luminance_cd_m2)
         largest = (LARGEST / 2 + math.sqrt(count - 0.25)) ** 2 / count - 1
         reached = luminance_cd_m2 * (1 - luminance_cd_m2 / 0.01) * largest
-        bound = skipped(range_of(np.full((1, 3, SIDE, SIDE), luminance_cd_m2, np.float32)), PUPIL_MM, NOISE)
+        bound = skip_bound(range_of(np.full((1, 3, SIDE, SIDE), luminance_cd_m2, np.float32)), PUPIL_MM, NOISE)
         assert reached <= bound.max() * (1 + 1e-5) < 1.3 * reached
     for seed in range(20):
         shown = noisy(grey(1e-4, 200), 0.05, RodNoise(seed=seed)) / 1e-4

@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 
 from entoptic.pipeline import EyePose, Frame
-from entoptic.pipeline.plan import Effect
 from entoptic.pipeline.sinks.images import write_exr
 from entoptic.services.explain.subject import Subject
 from entoptic.services.explain.variants import Explained, explain
@@ -50,12 +49,12 @@ def session(tmp_path: Path, lamp: np.ndarray) -> Path:
         for j, eye in enumerate(("left", "right")):
             row |= {f"{eye}_pupil_mm": 4.0 + j, f"{eye}_gaze_x_px": 20.0 + 5 * j, f"{eye}_gaze_y_px": 20.0 - k}
             row |= {f"{eye}_adapted_cd_m2": 0.5 + j}
-        for effect in Effect:
-            runs = effect is not Effect.ACUITY or not 4 <= k < 8
+        for effect in EFFECTS:
+            runs = effect.name != "acuity" or not 4 <= k < 8
             row |= {
-                f"{effect.value}_level": "on" if runs else "skipped",
-                f"{effect.value}_reason": f"why {effect.value} at {k}",
-                f"{effect.value}_ms": 2.0 * runs,
+                f"{effect.name}_level": "on" if runs else "skipped",
+                f"{effect.name}_reason": f"why {effect.name} at {k}",
+                f"{effect.name}_ms": 2.0 * runs,
             }
         rows.append(row | {"scene_ms": 500.0, "measure_ms": 1.0, "total_ms": 999.0})
     with (folder / "plan.csv").open("w", newline="", encoding="utf-8") as stream:

@@ -18,7 +18,7 @@ from matplotlib.text import Text
 from msgspec.structs import replace
 from typer.testing import CliRunner
 
-from entoptic.pipeline import Effect, EyePose, Frame, FrameError, Planning, RenderState, perceive
+from entoptic.pipeline import EyePose, Frame, FrameError, Planning, RenderState, perceive
 from entoptic.pipeline.sinks.images import write_exr
 from entoptic.services.commands.explain import explain as command
 from entoptic.services.explain import page, panels, plan_panels, timeline
@@ -34,16 +34,16 @@ class TestVariants:
         assert [step.level for step in explained.planned.plan] == [step.level for step in bare.plan]
 
     def test_acuity_touches_the_dark_stripes_alone(self, explained: Explained) -> None:
-        change = explained.touched[Effect.ACUITY].change[0]
+        change = explained.touched["acuity"].change[0]
         assert (change[:, 27:-3] >= 1).mean() > 0.5
         assert (change[:, :20] == 0).all()
 
     def test_what_was_left_out_is_the_difference(self, subject: Subject, explained: Explained) -> None:
-        without = replace(subject.settings, plan=Planning(leave_out=frozenset({Effect.GLARE})))
+        without = replace(subject.settings, plan=Planning(leave_out=frozenset({"glare"})))
         found = explain(dataclasses.replace(subject, settings=without))
-        assert Effect.GLARE not in found.touched
+        assert "glare" not in found.touched
         assert found.difference[0, 7:15, 5:13].max() > 20  # light around the lamp
-        assert np.abs(found.difference).max() == explained.touched[Effect.GLARE].largest
+        assert np.abs(found.difference).max() == explained.touched["glare"].largest
 
     def test_under_a_budget_the_cheapest_is_explained(self, subject: Subject) -> None:
         tight = replace(subject.settings, plan=Planning(budget_ms=1.0))
@@ -66,9 +66,9 @@ class TestVariants:
         told: list[int] = []
         found = explain(Subject("dark", frame, (EyePose(),), Settings(), (0.01,)), lambda: told.append(1))
         assert len(told) == variants()
-        assert {Effect.ACUITY, Effect.NIGHT_COLOUR} <= set(found.touched)
-        assert found.touched[Effect.NIGHT_COLOUR].share > 0.9
-        assert not {Effect.TONE, Effect.ADAPTATION} & set(found.touched)
+        assert {"acuity", "night_colour"} <= set(found.touched)
+        assert found.touched["night_colour"].share > 0.9
+        assert not {"tone", "adaptation"} & set(found.touched)
 
     def test_a_touch_counts_whole_code_values(self) -> None:
         touch = Touch(np.array([[[0.0, 0.4], [1.0, 7.0]]]))

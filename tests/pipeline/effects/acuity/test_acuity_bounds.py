@@ -11,9 +11,8 @@ from entoptic.pipeline.effects.acuity import (
     Acuity,
     AcuityMethod,
     dark_tiles,
-    passed_on,
+    propagate,
     reduce_acuity,
-    skipped,
 )
 from entoptic.pipeline.effects.acuity import bounds as acuity_bounds
 from entoptic.pipeline.ranges import Range
@@ -77,7 +76,7 @@ def within(actual: np.ndarray, bound: np.ndarray, range_: Range) -> None:
 def test_a_skip_changes_no_more_than_its_bound(acuity: Acuity, rgb: np.ndarray) -> None:
     after = np.asarray(reduce_acuity(jnp.asarray(rgb), PPD, acuity))
     change = over_tiles(np.abs(channels(after) - channels(rgb)), False)
-    within(change, skipped(range_of(rgb), PPD, acuity), range_of(rgb))
+    within(change, skip_bound(range_of(rgb), PPD, acuity), range_of(rgb))
 
 
 @pytest.mark.parametrize("acuity", ACUITIES)
@@ -91,33 +90,33 @@ def test_a_change_before_becomes_no_more_than_its_bound(
     change = over_tiles(np.abs(channels(other) - channels(rgb)), False)
     after = [channels(np.asarray(reduce_acuity(jnp.asarray(frame), PPD, acuity))) for frame in (rgb, other)]
     became = over_tiles(np.abs(after[1] - after[0]), False)
-    within(became, passed_on(change, range_of(rgb), PPD, acuity), range_of(rgb))
+    within(became, propagate(change, range_of(rgb), PPD, acuity), range_of(rgb))
 
 
 @pytest.mark.parametrize("acuity", ACUITIES)
 def test_bright_tiles_cost_nothing_and_pass_changes_on_as_they_are(acuity: Acuity) -> None:
     rgb = np.random.default_rng(1).uniform(5, 500, (1, 3, HEIGHT, WIDTH)).astype(np.float32)
     range_ = range_of(rgb)
-    assert (skipped(range_, PPD, acuity) == 0).all()
+    assert (skip_bound(range_, PPD, acuity) == 0).all()
     assert not dark_tiles(range_, PPD, acuity).any()
     change = np.random.default_rng(2).uniform(0, 0.1, range_.low.shape)
-    assert (passed_on(change, range_, PPD, acuity) == change).all()
+    assert (propagate(change, range_, PPD, acuity) == change).all()
 
 
 @pytest.mark.parametrize("acuity", ACUITIES)
 @pytest.mark.parametrize("value", [0.0, 1e-4, 0.05])
 def test_even_tiles_change_by_nothing(acuity: Acuity, value: float) -> None:
     range_ = range_of(np.full((1, 3, HEIGHT, WIDTH), value, np.float32))
-    assert skipped(range_, PPD, acuity).max() <= 1e-12
+    assert skip_bound(range_, PPD, acuity).max() <= 1e-12
 
 
 def test_a_dim_tile_is_bounded_by_its_contrast_alone() -> None:
     # 0.02 to 0.03 cd/m² everywhere: no blur takes more than the difference, and most of it is kept from it.
     y = np.random.default_rng(3).uniform(0.02, 0.03, (HEIGHT, WIDTH))
     range_ = range_of(np.broadcast_to(y, (1, 3, *y.shape)))
-    assert 0.005 < skipped(range_, PPD, Acuity()).max() < 0.01
+    assert 0.005 < skip_bound(range_, PPD, Acuity()).max() < 0.01
     change = np.full_like(range_.low, 1e-4)
-    assert 1e-4 < passed_on(change, range_, PPD, Acuity()).max() < 4e-4
+    assert 1e-4 < propagate(change, range_, PPD, Acuity()).max() < 4e-4
 
 
 def test_only_tiles_with_dark_pixels_are_dark() -> None:

@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from entoptic.pipeline.effects.adaptation import exposure
-from entoptic.pipeline.effects.afterimage import Afterimage, Retina, geometry, passed_on, rested, show, skipped, step
+from entoptic.pipeline.effects.afterimage import Afterimage, Retina, geometry, propagate, rested, show, skip_bound, step
 from entoptic.pipeline.effects.afterimage.seen import HELD_STILL, OWN_CD_M2, seen
 from entoptic.pipeline.frame import LUMINANCE_WEIGHTS, View
 from entoptic.pipeline.ranges import Range
@@ -78,7 +78,7 @@ def test_a_rested_retina_changes_nothing() -> None:
     image = np.random.default_rng(0).random((1, 3, VIEW.height_px, VIEW.width_px)).astype(np.float32)
     same = show(jnp.asarray(image), [rested(SETTINGS, 0.02)], VIEW, [MIDDLE])
     np.testing.assert_array_equal(same, image)
-    np.testing.assert_array_equal(skipped(range_of(image[0]), rested(SETTINGS, 0.02), VIEW, MIDDLE), 0)
+    np.testing.assert_array_equal(skip_bound(range_of(image[0]), rested(SETTINGS, 0.02), VIEW, MIDDLE), 0)
 
 
 def test_a_wall_that_fills_the_frame_leaves_nothing() -> None:
@@ -187,7 +187,7 @@ def test_leaving_it_out_changes_no_more_than_the_bound(
     image = (brightest * random.random((3, VIEW.height_px, VIEW.width_px)) ** 3).astype(np.float32)
     retina = random_retina(seed)
     picture = np.asarray(show(jnp.asarray(image)[None], [retina], VIEW, [gaze_px]))[0]
-    bound = skipped(range_of(image), retina, VIEW, gaze_px)
+    bound = skip_bound(range_of(image), retina, VIEW, gaze_px)
     assert (largest_by_tile(picture.astype(np.float64) - image) <= bound * (1 + 1e-5) + 2e-6).all()
 
 
@@ -200,7 +200,7 @@ def test_a_change_before_it_becomes_no_more_than_the_bound(seed: int, size: floa
     retina = random_retina(seed)
     both = (np.asarray(show(jnp.asarray(one)[None], [retina], VIEW, [MIDDLE]), np.float64)[0] for one in (image, other))
     change = largest_by_tile(other.astype(np.float64) - image)
-    bound = passed_on(change, range_of(image), retina, VIEW, MIDDLE)
+    bound = propagate(change, range_of(image), retina, VIEW, MIDDLE)
     assert (largest_by_tile(np.subtract(*both)) <= bound * (1 + 1e-5) + 2e-6).all()
 
 
@@ -208,7 +208,7 @@ def test_bounds_are_tight_where_it_matters() -> None:
     """A white patch's afterimage on a grey wall: no more than twice what it is; far from it next to nothing."""
     retina = dark(looked_at((1e4, 1e4, 1e4)))
     image = np.full((3, VIEW.height_px, VIEW.width_px), 0.5, np.float32)
-    bound = skipped(range_of(image), retina, VIEW, MIDDLE)
+    bound = skip_bound(range_of(image), retina, VIEW, MIDDLE)
     actual = largest_by_tile(shown(retina, 0.5).astype(np.float64) - image)
     assert bound.max() <= 1.2 * actual.max()
     assert bound[:, 0, 0].max() <= 1.2 * actual[:, 0, 0].max() + 1e-6

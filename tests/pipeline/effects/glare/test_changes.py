@@ -1,13 +1,13 @@
 """The bounds that planning relies on: no frame changes anywhere by more than is said of its tile."""
 
-import jax.numpy as jnp
 import numpy as np
 import pytest
+from eye_contexts import glared
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from entoptic.pipeline import Frame, Glare, GlareLevel, GlareModel, Observer
-from entoptic.pipeline.effects.glare import Mixture, Sight, changes, mixture, scatter
+from entoptic.pipeline.effects.glare import Mixture, bounds, mixture
 from entoptic.pipeline.measure import Measurement, luminance, measure
 from entoptic.pipeline.optics.aperture import Pose
 from entoptic.pipeline.ranges import Change
@@ -47,10 +47,10 @@ def frames() -> dict[str, np.ndarray]:
 def actual(
     frame: Frame, kernel: Mixture, case: str, gaze_px: tuple[float, float], level: GlareLevel
 ) -> tuple[Measurement, np.ndarray]:
-    model, pupil_mm, adapted_cd_m2 = CASES[case]
+    model, pupil_mm, _ = CASES[case]
     (measured,) = measure(frame)
-    sight = Sight(frame.view, measured, gaze_px, kernel, OBSERVER, Pose(pupil_mm), adapted_cd_m2)
-    return measured, np.asarray(scatter(jnp.array(frame.rgb_cd_m2[0]), sight, Glare(model, level)), np.float64)
+    image = glared(frame.rgb_cd_m2[0], frame.view, kernel, OBSERVER, Pose(pupil_mm), Glare(model, level), gaze_px)
+    return measured, image
 
 
 def by_tile(difference: np.ndarray, measured: Measurement) -> Change:
@@ -70,7 +70,7 @@ def test_glare_changes_no_tile_by_more_than_is_said(case: str, level: GlareLevel
         kernel = mixture(*CASES[case][:1], OBSERVER, Pose(CASES[case][1]), CASES[case][2], frame.view.ppd_centre)
         for gaze_px in ((45.0, 50.0), (8.0, 90.0), (170.0, 50.0)):
             measured, glared = actual(frame, kernel, case, gaze_px, level)
-            bound = changes.lesser(kernel, measured, gaze_px, level) + changes.veil(kernel, measured)
+            bound = bounds.reduced(kernel, measured, gaze_px, level) + bounds.veil(kernel, measured)
             changed = by_tile(glared - np.asarray(frame.rgb_cd_m2[0], np.float64), measured)
             rounding = 1e-6 * measured.range_cd_m2.high
             assert (changed <= bound * (1 + 1e-4) + rounding).all(), (name, gaze_px, (changed / (bound + 1e-30)).max())
@@ -84,7 +84,7 @@ def test_the_veil_alone_differs_by_no_more_than_is_said(level: GlareLevel) -> No
         kernel = mixture(GlareModel.WAVE, OBSERVER, Pose(5.1), 1.0, frame.view.ppd_centre)
         measured, full = actual(frame, kernel, case, (20.0, 30.0), level)
         _, veil = actual(frame, kernel, case, (20.0, 30.0), GlareLevel.VEIL)
-        bound = changes.lesser(kernel, measured, (20.0, 30.0), level)
+        bound = bounds.reduced(kernel, measured, (20.0, 30.0), level)
         rounding = 1e-6 * measured.range_cd_m2.high
         assert (by_tile(full - veil, measured) <= bound * (1 + 1e-4) + rounding).all(), name
 
@@ -106,7 +106,7 @@ def test_on_random_frames(
     frame = Frame.from_rgb(coarse.repeat(grain, 0).repeat(grain, 1)[:80, :100], fov_deg)
     kernel = mixture(GlareModel.CIE, OBSERVER, Pose(5.0), 1.0, frame.view.ppd_centre)
     measured, glared = actual(frame, kernel, "CIE", gaze, level)
-    bound = changes.lesser(kernel, measured, gaze, level) + changes.veil(kernel, measured)
+    bound = bounds.reduced(kernel, measured, gaze, level) + bounds.veil(kernel, measured)
     changed = by_tile(glared - np.asarray(frame.rgb_cd_m2[0], np.float64), measured)
     assert (changed <= bound * (1 + 1e-4) + 1e-6 * measured.range_cd_m2.high).all()
 
@@ -115,12 +115,12 @@ def test_a_plain_wall_is_known_to_change_little_and_a_lamp_to_change_much_only_a
     wall = Frame.from_rgb(np.full((200, 180, 3), 100.0), 104.0)
     kernel = mixture(GlareModel.WAVE, OBSERVER, Pose(3.0), 100.0, wall.view.ppd_centre)
     measured = measure(wall)[0]
-    middle = changes.lesser(kernel, measured, (90.0, 100.0), GlareLevel.FRAME)[3]
+    middle = bounds.reduced(kernel, measured, (90.0, 100.0), GlareLevel.FRAME)[3]
     rows, columns = middle.shape
     assert middle[rows // 4 : -rows // 4, columns // 4 : -columns // 4].max() < 1e-3
     rgb = np.full((200, 180, 3), 0.1)
     rgb[100, 90] = 1e4
     lit = measure(Frame.from_rgb(rgb, 104.0))[0]
-    bound = changes.lesser(kernel, lit, (90.0, 100.0), GlareLevel.FRAME)[3]
+    bound = bounds.reduced(kernel, lit, (90.0, 100.0), GlareLevel.FRAME)[3]
     assert bound.max() > 100
     assert bound[:5].max() < 0.1

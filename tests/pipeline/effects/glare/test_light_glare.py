@@ -4,6 +4,7 @@ import dataclasses
 
 import numpy as np
 import pytest
+from eye_contexts import glared
 
 from entoptic.pipeline import (
     Effects,
@@ -18,9 +19,9 @@ from entoptic.pipeline import (
     View,
     perceive,
 )
-from entoptic.pipeline.effects.glare import Sight, mixture, scatter
+from entoptic.pipeline.effects.glare import GLARE, mixture
 from entoptic.pipeline.effects.glare.light_glare import add_lights
-from entoptic.pipeline.measure import luminance, measure
+from entoptic.pipeline.measure import luminance
 from entoptic.pipeline.optics import OpticsError
 from entoptic.pipeline.optics.aperture import Pose
 
@@ -39,10 +40,8 @@ def test_a_light_is_what_a_pixel_of_the_same_flux_is() -> None:
     """In the middle of a pixel, of D65: kernel and veil, near and far."""
     rgb = BLACK.copy()
     rgb[:, 80, 80] = 1e4
-    frame = Frame(rgb[None], VIEW)
     kernel = mixture(GlareModel.WAVE, EYE, POSE, 1.0, VIEW.ppd_centre)
-    sight = Sight(VIEW, measure(frame)[0], (80.5, 80.5), kernel, EYE, POSE, 1.0)
-    pixel = np.asarray(luminance(scatter(rgb, sight, Glare(level=GlareLevel.FRAME))), np.float64)
+    pixel = np.asarray(luminance(glared(rgb, VIEW, kernel, EYE, POSE, Glare(level=GlareLevel.FRAME))), np.float64)
     light = np.asarray(luminance(drawn(Light(0, 0, 1e4 / VIEW.focal_px**2))), np.float64)
     assert light.sum() == pytest.approx(pixel.sum(), rel=2e-3)
     y, x = np.indices(light.shape) - 80
@@ -93,7 +92,6 @@ def test_a_light_follows_the_pupil_whatever_the_frames_own_function(model: Glare
         seen = perceive(
             frame, EyePose(pupil_mm=pupil_mm), observer=EYE, state=state, effects=Effects(glare=Glare(model))
         )
-        assert seen.state.glared is not None
-        images.append(np.asarray(seen.state.glared.result))
+        images.append(np.asarray(seen.state.reusable[GLARE.name].result))
         state = seen.state
     assert np.abs(images[0] - images[1]).max() > 0

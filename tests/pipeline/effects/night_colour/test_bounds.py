@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from entoptic.pipeline.effects.night_colour import NightColour, NightMethod, shift
-from entoptic.pipeline.effects.night_colour.bounds import passed_on, skipped
+from entoptic.pipeline.effects.night_colour.bounds import propagate, skip_bound
 from entoptic.pipeline.frame import LUMINANCE_WEIGHTS, FrameError
 from entoptic.pipeline.ranges import Change, Range
 
@@ -57,7 +57,7 @@ def frame(seed: int, spread: float, top: float) -> np.ndarray:
 def test_no_pixel_changes_by_more_than_stated(seed: int, spread: float, night: NightColour, adapted: float) -> None:
     displayed, scene = frame(seed, spread, 1.0), frame(seed + 1, spread, adapted * 10)
     shown = np.asarray(shift(jnp.asarray(displayed), [adapted], night, jnp.asarray(scene)))
-    bound = skipped(range_of(displayed), adapted, night, range_of(scene))
+    bound = skip_bound(range_of(displayed), adapted, night, range_of(scene))
     assert (change_of(displayed, shown) <= bound * (1 + 1e-5) + 1e-6).all()
 
 
@@ -73,7 +73,7 @@ def test_no_change_grows_by_more_than_stated(
     other_scene = np.clip(scene + adapted * size * (frame(seed + 3, 1.0, 2.0) - 1), 0, None).astype(np.float32)
     shown = np.asarray(shift(jnp.asarray(displayed), [adapted], night, jnp.asarray(scene)))
     other_shown = np.asarray(shift(jnp.asarray(other), [adapted], night, jnp.asarray(other_scene)))
-    bound = passed_on(
+    bound = propagate(
         change_of(displayed, other), range_of(displayed), adapted, night, range_of(scene), change_of(scene, other_scene)
     )
     assert (change_of(shown, other_shown) <= bound * (1 + 1e-5) + 1e-6).all()
@@ -83,27 +83,27 @@ def test_no_change_grows_by_more_than_stated(
 def test_the_bound_of_one_colour_is_its_change(method: NightMethod) -> None:
     displayed = np.broadcast_to(np.array([0.2, 0.1, 0.6], np.float32)[:, None, None], (1, 3, SIDE, SIDE))
     shown = np.asarray(shift(jnp.asarray(displayed), [0.05], NightColour(method)))
-    bound = skipped(range_of(displayed), 0.05, NightColour(method))
+    bound = skip_bound(range_of(displayed), 0.05, NightColour(method))
     np.testing.assert_allclose(change_of(displayed, shown), bound, rtol=1e-4, atol=1e-6)
 
 
 @pytest.mark.parametrize("method", NightMethod)
 def test_black_tiles_and_mesopic_daylight_change_nothing(method: NightMethod) -> None:
     black = np.zeros((1, 3, SIDE, SIDE), np.float32)
-    assert not skipped(range_of(black), 1e-3, NightColour(method)).any()
-    assert not skipped(range_of(frame(0, 1.0, 1.0)), 6.0, NightColour(method, mesopic=True)).any()
+    assert not skip_bound(range_of(black), 1e-3, NightColour(method)).any()
+    assert not skip_bound(range_of(frame(0, 1.0, 1.0)), 6.0, NightColour(method, mesopic=True)).any()
 
 
 def test_without_a_change_nothing_is_passed_on() -> None:
     displayed = range_of(frame(0, 1.0, 1.0))
     for method in NightMethod:
-        assert not passed_on(np.zeros_like(displayed.low), displayed, 0.01, NightColour(method)).any()
+        assert not propagate(np.zeros_like(displayed.low), displayed, 0.01, NightColour(method)).any()
 
 
 def test_per_pixel_asks_for_the_scene() -> None:
     displayed = range_of(frame(0, 1.0, 1.0))
     night = NightColour(per_pixel=True)
     with pytest.raises(FrameError, match="in cd/m²"):
-        skipped(displayed, 0.01, night)
+        skip_bound(displayed, 0.01, night)
     with pytest.raises(FrameError, match="in cd/m²"):
-        passed_on(np.zeros_like(displayed.low), displayed, 0.01, night)
+        propagate(np.zeros_like(displayed.low), displayed, 0.01, night)

@@ -109,7 +109,7 @@ def test_nothing_is_shown_or_changed_beyond_the_bounds(
     assert said.low.min() >= 0
     assert said.high.max() <= 1 + 1e-12
 
-    passed = tone.passed_on(change, range_, *state)
+    passed = tone.propagate(change, range_, *state)
     assert np.all(change_of(before, after) <= passed * (1 + 1e-5) + 2e-6)
 
     codes = tone.code_values(passed + 2e-6, said, display)
@@ -143,13 +143,13 @@ def test_a_small_change_of_an_even_tile_is_bounded_within_a_few_times_what_it_do
     after = rgb * np.float32(1.01)
     state = (0.7, 0.7, tone_of(operator, hue, curve_file), Display())
     actual = change_of(shown_frame(rgb, *state), shown_frame(after, *state))
-    said = tone.passed_on(change_of(rgb, after), range_of(rgb), *state)
+    said = tone.propagate(change_of(rgb, after), range_of(rgb), *state)
     sharp = operator is Operator.WARD or (operator, hue) == (Operator.ACES, Hue.CLIP)
     assert np.all(said <= actual * (1.03 if sharp else 4))
 
 
 def test_no_change_stays_none() -> None:
     rgb = np.random.default_rng(1).random((3, SIDE_PX, SIDE_PX)).astype(np.float32)
-    said = tone.passed_on(np.zeros((4, 3, 3)), range_of(rgb), 1.0, 1.0, Tone(), Display())
+    said = tone.propagate(np.zeros((4, 3, 3)), range_of(rgb), 1.0, 1.0, Tone(), Display())
     assert said.max() == 0
     assert tone.code_values(said, range_of(rgb), Display()).max() == 0

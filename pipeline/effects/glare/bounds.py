@@ -37,7 +37,7 @@ STEEPEST = 3.0
 """The falloff's steepest slope, per reach."""
 
 
-def lesser(
+def reduced(
     kernel: Mixture,
     measured: Measurement,
     gaze_px: tuple[float, float],
@@ -90,6 +90,12 @@ def after(measured: Measurement, change: Change, stays: float) -> Range:
     wide = range_.widened(change)
     wide.low[3] = np.maximum(wide.low[3], stays * range_.low[3])
     return wide
+
+
+def propagate(change: Change, kernel: Mixture) -> Change:
+    """The most that glare makes of a change before it: all of it, from wherever it is largest."""
+    gain = np.sum([weight * component.gain for component, weight in kernel], axis=0)
+    return np.broadcast_to((gain @ change[:3].max(axis=(1, 2)))[:, None, None], change.shape)
 
 
 def veil(kernel: Mixture, measured: Measurement, ceiling_cd_m2: float | None = None) -> Change:
