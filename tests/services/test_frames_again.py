@@ -239,7 +239,7 @@ def test_what_eyes_remember_comes_back_to_the_bit(take: Path) -> None:
     session = Session(perception)
     rendered = session.rendering.render(0, 0.0, 0.0, Head(), state(1), (SaccadeImpulse(5.0, 2.0, 0.0),))
     rendered = session.rendering.render(1, 0.05, 0.05, Head(), state(2), ())
-    before = dataclasses.replace(rendered.perceived.state, glared=None)
+    before = dataclasses.replace(rendered.perceived.state, reusable={})
     after: RenderState = kept.decoder(RenderState).decode(kept.encode(before))
     assert any(isinstance(one, np.ndarray) for one in leaves(before))
     assert len(before.retinas) == 2

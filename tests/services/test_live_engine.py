@@ -12,6 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from entoptic.pipeline import EyePose, Frame, Glare, GlareLevel, GlareModel, Perceived, Planning, RenderState, perceive
+from entoptic.pipeline.effects.glare import GLARE
 from entoptic.pipeline.effects.glare.kernel import Mixture, component
 from entoptic.pipeline.sinks.images import write_exr
 from entoptic.services.live import messages
@@ -129,7 +130,7 @@ def test_a_kernel_gives_white_light_what_all_channels_give_and_makes_none() -> N
 
 def test_the_veil_of_a_formula_adds_up_to_its_share() -> None:
     _, perceived = rendered_of(room(), asked(GlareModel.CIE, GlareLevel.FRAME))
-    kernel = engine_kernel(Held(1, perceived.kernels[0], 0), Eye.LEFT, 10.0)
+    kernel = engine_kernel(Held(1, GLARE.prepared(perceived.eyes[0]).kernel, 0), Eye.LEFT, 10.0)
     deg = np.linspace(0, 90, 100_001)
     density = np.interp(deg, kernel.veil_deg, kernel.veil_per_sr, left=0, right=0)
     total = np.trapezoid(density * 2 * np.pi * np.sin(np.radians(deg)), np.radians(deg))
@@ -163,7 +164,7 @@ def examples() -> list[msgspec.Struct]:
         Picture(1, 2, 1, 1, "srgb", "uint8", b"abc"),
         Shown(1, 0.1, 2, 3, 4, (eye,), (), 0.5, {"glare": 1.0}, None, 24.0, 23.0, 0, LatencyMs(1.0, 2.0, 3.0), None),
         engine_frame(rendered, (Eye.LEFT,), wanted, wanted.display, (1,), 3),
-        engine_kernel(Held(1, perceived.kernels[0], 0), Eye.LEFT, 10.0),
+        engine_kernel(Held(1, GLARE.prepared(perceived.eyes[0]).kernel, 0), Eye.LEFT, 10.0),
     ]
 
 

@@ -126,7 +126,7 @@ def test_each_topic_carries_what_was_rendered(
     assert [eye.eye for eye in shown.eyes] == ["left", "right"]
     assert shown.eyes[0].phase == "closing"
     assert shown.eyes[0].gaze_px == rendered.frame.view.pixel_of(3.0, -2.0)
-    assert [step.effect for step in shown.plan] == [step.effect.value for step in rendered.perceived.plan]
+    assert [step.effect for step in shown.plan] == [step.effect for step in rendered.perceived.plan]
     assert shown.milliseconds.keys() >= {"scene", "measure", "glare", "encode", "sink", "displayed"}
     left, top, width, height = shown.eyes[0].window_px or (0, 0, 0, 0)
     assert (left, top) >= (0, 0)

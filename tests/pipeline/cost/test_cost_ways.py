@@ -10,12 +10,12 @@ import math
 import numpy as np
 import pytest
 
+from entoptic.pipeline import EFFECTS as ALL
 from entoptic.pipeline.cost import everything, scenes, whole_frame
 from entoptic.pipeline.cost.errors import Errors
 from entoptic.pipeline.cost.ways import EFFECTS, Row, Stage, measure_ways
 from entoptic.pipeline.cost.ways.way import NO_ERRORS, SKIPPED, Way, Ways
 from entoptic.pipeline.cost.whole_frame import ALWAYS, COMBINATIONS, Combination, Whole, choose, front, time_of
-from entoptic.pipeline.plan import Effect
 
 SIZE = (24, 26)
 
@@ -50,7 +50,7 @@ class TestStage:
 
 class TestWays:
     def test_all_effects_of_the_plan_are_there(self) -> None:
-        assert [*EFFECTS] == [*(effect.value for effect in Effect if effect.value in EFFECTS), "encode"]
+        assert [*EFFECTS] == [*(effect.name for effect in ALL if effect.name in EFFECTS), "encode"]
         assert {"adaptation", "glare", "acuity", "rod_noise", "tone", "night_colour", "afterimage"} <= {*EFFECTS}
 
     @pytest.mark.parametrize("effect", ["tone", "night_colour"])

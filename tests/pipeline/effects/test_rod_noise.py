@@ -19,6 +19,7 @@ from entoptic.pipeline.effects.rod_noise import (
     RodNoise,
     add_noise,
     propagate,
+    skip_bound,
 )
 from entoptic.pipeline.frame import LUMINANCE_WEIGHTS, FrameError
 from entoptic.pipeline.mesopic import WHITE_RATIO

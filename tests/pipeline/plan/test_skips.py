@@ -218,7 +218,7 @@ def test_between_two_levels_the_bound_holds_too(name: str, fade: float) -> None:
         "night_colour": Choice("lui", SKIPPED, fade),
     }
     full = perceive(frame, EyePose(pupil_mm=4.0), observer=EYE, planning=Planning(everything=True))
-    before = dataclasses.replace(full.state, choices=choices, glared=None)
+    before = dataclasses.replace(full.state, choices=choices, reusable={})
     passing = perceive(frame, EyePose(pupil_mm=4.0), observer=EYE, state=before)
     assert any(step.fading_from for step in passing.plan)
     again = perceive(frame, EyePose(pupil_mm=4.0), observer=EYE, state=before, planning=Planning(everything=True))

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from entoptic.pipeline import EyePose, Frame
+from entoptic.pipeline import EFFECTS, EyePose, Frame
 from entoptic.pipeline.sinks.images import write_exr
 from entoptic.services.explain.subject import Subject
 from entoptic.services.explain.variants import Explained, explain

@@ -109,7 +109,7 @@ class TestPage:
         page.write(tmp_path / "page.png", subject, explained)
         said = " ".join(texts(drawn[0]))
         for step in explained.planned.plan:
-            assert step.effect.value.replace("_", " ") in said
+            assert step.effect.replace("_", " ") in said
             assert all(word in said for word in step.reason.split())
         for touch in explained.touched.values():
             assert f"{touch.share:.1%} of pixels, by {touch.largest:.0f} at most" in said

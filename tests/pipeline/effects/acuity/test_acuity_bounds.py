@@ -13,6 +13,7 @@ from entoptic.pipeline.effects.acuity import (
     dark_tiles,
     propagate,
     reduce_acuity,
+    skip_bound,
 )
 from entoptic.pipeline.effects.acuity import bounds as acuity_bounds
 from entoptic.pipeline.ranges import Range
