@@ -227,6 +227,8 @@ def test_rows_are_whole_and_say_the_latency(take: Path) -> None:
 def leaves(value: Any) -> list[Any]:
     if isinstance(value, tuple):
         return [leaf for one in value for leaf in leaves(one)]
+    if isinstance(value, msgspec.Struct):
+        return [leaf for name in value.__struct_fields__ for leaf in leaves(getattr(value, name))]
     if dataclasses.is_dataclass(value):
         return [leaf for field in dataclasses.fields(value) for leaf in leaves(getattr(value, field.name))]
     return [value]
@@ -242,7 +244,7 @@ def test_what_eyes_remember_comes_back_to_the_bit(take: Path) -> None:
     before = dataclasses.replace(rendered.perceived.state, reusable={})
     after: RenderState = kept.decoder(RenderState).decode(kept.encode(before))
     assert any(isinstance(one, np.ndarray) for one in leaves(before))
-    assert len(before.retinas) == 2
+    assert len(before.memories.afterimage) == 2
     for one, other in zip(leaves(before), leaves(after), strict=True):
         assert type(one) is type(other) or isinstance(one, float), (one, other)
         assert np.asarray(one == other).all()
