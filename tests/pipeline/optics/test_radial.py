@@ -56,7 +56,7 @@ def test_the_pixels_of_a_distant_halo() -> None:
 
 
 @pytest.mark.parametrize("name", DENSITIES)
-@given(ppd=st.floats(0.3, 120), radius_px=st.integers(0, 30))
+@given(ppd=st.floats(0.3, 120), radius_px=st.integers(0, 12))
 @settings(max_examples=8, deadline=None)
 def test_the_pixels_add_up_to_the_light_in_their_square(name: str, ppd: float, radius_px: int) -> None:
     density = DENSITIES[name]

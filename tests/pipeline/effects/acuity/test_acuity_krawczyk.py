@@ -19,7 +19,7 @@ def ppd_of(sigma_px: float, y_cd_m2: float) -> float:
     return float(np.sqrt(sigma_px**2 + larson.display_px2(True)) * 1.86 * larson.resolved_cpd(y_cd_m2))
 
 
-@pytest.mark.parametrize(("sigma", "within"), [(1.0, 0.03), (2.0, 0.1), (4.0, 0.1), (8.0, 0.1), (3.3, 0.1)])
+@pytest.mark.parametrize(("sigma", "within"), [(1.0, 0.03), (8.0, 0.1), (3.3, 0.1)])
 def test_a_faint_point_becomes_a_gaussian(sigma: float, within: float) -> None:
     # So faint that σ is the same everywhere; 3.3 px lies midway between two rungs; at 8 px the frame is halved twice.
     y = np.full((95, 96), 1e-4)
@@ -78,7 +78,7 @@ def test_blur_sets_in_smoothly_below_the_limit() -> None:
     assert np.abs(np.diff(contrasts)).max() < 0.06
 
 
-@pytest.mark.parametrize("shape", [(1, 1), (1, 7), (2, 3), (17, 5)])
+@pytest.mark.parametrize("shape", [(1, 1), (1, 7), (17, 5)])
 def test_kernels_larger_than_the_frame_leave_its_range(shape: tuple[int, int]) -> None:
     y = np.random.default_rng(6).uniform(1e-6, 1e-3, shape)
     after = np.asarray(reduce_acuity(jnp.asarray(grey(y)), 200.0, KRAWCZYK))[0, 1]
@@ -88,7 +88,7 @@ def test_kernels_larger_than_the_frame_leave_its_range(shape: tuple[int, int]) -
         assert np.ptp(after) < 0.1 * np.ptp(y)
 
 
-@pytest.mark.parametrize("sigma", [0.4, 1.0, 1.9, 3.0, 6.0])
+@pytest.mark.parametrize("sigma", [0.4, 1.9, 6.0])
 def test_light_stays_within_reach(sigma: float) -> None:
     reach = krawczyk.reach_px(sigma**2)
     assert reach >= 2 * sigma
