@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import enum
 import math
 from typing import Annotated
 
@@ -13,6 +12,7 @@ import numpy as np
 from jaxtyping import Array, Float
 from numpy.typing import ArrayLike
 
+from entoptic.described import DescribedEnum, described
 from entoptic.errors import EntopticError
 
 LUMINANCE_WEIGHTS = (0.2126, 0.7152, 0.0722)
@@ -155,27 +155,29 @@ def clean(values: np.ndarray) -> tuple[np.ndarray, Cleaned]:
     return np.where(nan | negative, 0, np.where(infinite, largest, values)).astype(values.dtype), cleaned
 
 
-class Encoding(enum.StrEnum):
+class Encoding(DescribedEnum):
     """What a display expects: primaries, transfer function, depth."""
 
-    SRGB = "srgb"
-    """Rec.709 primaries, sRGB transfer function, 8 bits."""
-    LINEAR = "linear"
-    """Rec.709 primaries, linear, float32: 1 is the display's peak."""
-    DISPLAY_P3 = "display-p3"
-    """P3 primaries with D65 white, sRGB transfer function, 8 bits."""
-    HDR10 = "hdr10"
-    """Rec.2020 primaries, PQ (SMPTE ST 2084), 10 bits: absolute cd/m²."""
+    SRGB = "srgb", "Rec.709 primaries, sRGB transfer function, 8 bits."
+    LINEAR = "linear", "Rec.709 primaries, linear, float32: 1 is the display's peak."
+    DISPLAY_P3 = "display-p3", "P3 primaries with D65 white, sRGB transfer function, 8 bits."
+    HDR10 = "hdr10", "Rec.2020 primaries, PQ (SMPTE ST 2084), 10 bits: absolute cd/m²."
 
 
 class Display(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """What shows the perceived frame."""
 
-    peak_cd_m2: Annotated[float, msgspec.Meta(ge=1.0, le=20000.0)] = 100.0
-    """Luminance of full white. 100 is the studio reference; a brighter display shows middle grey at the same luminance
-    and has more room above it, a dimmer one shows the same picture darker."""
-    black_cd_m2: Annotated[float, msgspec.Meta(ge=0.0, le=10.0)] = 0.0
-    """Luminance of full black."""
-    surround_cd_m2: Annotated[float, msgspec.Meta(ge=0.0, le=10000.0)] = 0.0
-    """Luminance of what surrounds the display: 0 in a headset or a dark room."""
+    peak_cd_m2: Annotated[
+        float,
+        described(
+            "Luminance of full white. 100 is the studio reference; a brighter display shows middle grey at the same "
+            "luminance and has more room above it, a dimmer one shows the same picture darker.",
+            ge=1.0,
+            le=20000.0,
+        ),
+    ] = 100.0
+    black_cd_m2: Annotated[float, described("Luminance of full black.", ge=0.0, le=10.0)] = 0.0
+    surround_cd_m2: Annotated[
+        float, described("Luminance of what surrounds the display: 0 in a headset or a dark room.", ge=0.0, le=10000.0)
+    ] = 0.0
     encoding: Encoding = Encoding.SRGB

@@ -7,6 +7,8 @@ from typing import Annotated
 
 import msgspec
 
+from entoptic.described import described
+
 Count = Annotated[int, msgspec.Meta(ge=0, le=20000)]
 Share = Annotated[float, msgspec.Meta(ge=0.0, le=1.0)]
 
@@ -23,49 +25,64 @@ class Iris(enum.StrEnum):
 class OcularDynamics(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """Which parts of the eye move (RIT §3). All at rest unless asked for: a kernel then serves for many frames."""
 
-    microfluctuations: bool = False
-    """Accommodation wavers, and defocus with it."""
-    lens: bool = False
-    """The lens deforms with accommodation, and its particles move."""
-    vitreous: bool = False
-    """The vitreous lags behind saccades and swings back."""
-    lids: bool = False
-    """Lids cover the pupil as far as the tracker says."""
-    lashes: bool = False
-    """Lashes hang before the pupil where the lid is low."""
-    squint: bool = False
-    """Lids are held half closed, as before a strong light."""
-    hippus: bool = False
-    """The pupil wavers; never where it is measured, as a measured pupil contains its hippus."""
+    microfluctuations: Annotated[bool, described("Accommodation wavers, and defocus with it.")] = False
+    lens: Annotated[bool, described("The lens deforms with accommodation, and its particles move.")] = False
+    vitreous: Annotated[bool, described("The vitreous lags behind saccades and swings back.")] = False
+    lids: Annotated[bool, described("Lids cover the pupil as far as the tracker says.")] = False
+    lashes: Annotated[bool, described("Lashes hang before the pupil where the lid is low.")] = False
+    squint: Annotated[bool, described("Lids are held half closed, as before a strong light.")] = False
+    hippus: Annotated[
+        bool, described("The pupil wavers; never where it is measured, as a measured pupil contains its hippus.")
+    ] = False
 
 
 class Observer(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """The optics of one person's eyes."""
 
-    age_years: Annotated[float, msgspec.Meta(ge=1.0, le=120.0)] = 30.0
-    """The lens yellows, clouds and scatters more with age, and the pupil stays smaller."""
-    iris: Iris = Iris.BROWN
-    """Its pigment decides how much light comes through the iris and from the fundus."""
-    particles: Count = 1000
-    """Scattering particles of the lens over the pupil plane (LUI §5.2.4; van den Berg 2005)."""
-    particle_mm: Annotated[float, msgspec.Meta(ge=0.005, le=0.5)] = 0.042
-    """Their median diameter (LUI §5.2.4)."""
-    particle_spread: Annotated[float, msgspec.Meta(ge=0.0, le=1.0)] = 0.0
-    """Standard deviation of the logarithm of their diameters; 0: all alike, as in LUI."""
-    gratings: Annotated[int, msgspec.Meta(ge=0, le=2000)] = 200
-    """Patches of lens fibres that make the halo (RIT §3.3)."""
-    cornea_cells: Count = 5400
-    """Flat cells of 15 µm in the cornea that scatter (RIT §3.1)."""
-    vitreous_particles: Count = 250
-    """Scattering particles of the vitreous that lie before the pupil plane, on average (RIT §3.4). With 250, and 5400
-    cells of the cornea, cornea, lens and vitreous scatter as 27.6 : 40 : 10.6 (RIT Table 1: 25–30 : 40 : 10)."""
-    lashes: Annotated[int, msgspec.Meta(ge=0, le=500)] = 90
-    """Lashes of the upper lid; they matter only where `ocular_dynamics.lashes` lets them hang before the pupil."""
-    squint_openness: Share = 0.55
-    """How far squinting leaves the lids open. Engineering choice: the upper lid then hangs 0.5 mm above the pupil's
-    centre."""
-    defocus_d: Annotated[float, msgspec.Meta(ge=-8.0, le=8.0)] = 0.0
-    """Error of accommodation or refraction in dioptres; 0: in focus."""
-    seed: Annotated[int, msgspec.Meta(ge=0)] = 0
-    """Which of all eyes with these statistics."""
+    age_years: Annotated[
+        float,
+        described(
+            "The lens yellows, clouds and scatters more with age, and the pupil stays smaller.", ge=1.0, le=120.0
+        ),
+    ] = 30.0
+    iris: Annotated[
+        Iris, described("Its pigment decides how much light comes through the iris and from the fundus.")
+    ] = Iris.BROWN
+    particles: Annotated[
+        Count, described("Scattering particles of the lens over the pupil plane (LUI §5.2.4; van den Berg 2005).")
+    ] = 1000
+    particle_mm: Annotated[float, described("Their median diameter (LUI §5.2.4).", ge=0.005, le=0.5)] = 0.042
+    particle_spread: Annotated[
+        float,
+        described("Standard deviation of the logarithm of their diameters; 0: all alike, as in LUI.", ge=0.0, le=1.0),
+    ] = 0.0
+    gratings: Annotated[int, described("Patches of lens fibres that make the halo (RIT §3.3).", ge=0, le=2000)] = 200
+    cornea_cells: Annotated[Count, described("Flat cells of 15 µm in the cornea that scatter (RIT §3.1).")] = 5400
+    vitreous_particles: Annotated[
+        Count,
+        described(
+            "Scattering particles of the vitreous that lie before the pupil plane, on average (RIT §3.4). With 250, "
+            "and 5400 cells of the cornea, cornea, lens and vitreous scatter as 27.6 : 40 : 10.6 (RIT Table 1: "
+            "25–30 : 40 : 10)."
+        ),
+    ] = 250
+    lashes: Annotated[
+        int,
+        described(
+            "Lashes of the upper lid; they matter only where `ocular_dynamics.lashes` lets them hang before the pupil.",
+            ge=0,
+            le=500,
+        ),
+    ] = 90
+    squint_openness: Annotated[
+        Share,
+        described(
+            "How far squinting leaves the lids open. Engineering choice: the upper lid then hangs 0.5 mm above the "
+            "pupil's centre."
+        ),
+    ] = 0.55
+    defocus_d: Annotated[
+        float, described("Error of accommodation or refraction in dioptres; 0: in focus.", ge=-8.0, le=8.0)
+    ] = 0.0
+    seed: Annotated[int, described("Which of all eyes with these statistics.", ge=0)] = 0
     ocular_dynamics: OcularDynamics = OcularDynamics()

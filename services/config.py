@@ -6,11 +6,12 @@ Paths are strings, relative to the folder in which a command is started. session
 from __future__ import annotations
 
 from enum import StrEnum
-from typing import Annotated, Any
+from typing import Annotated
 
 import msgspec
 from msgspec import Meta
 
+from entoptic.described import described
 from entoptic.tracker_bridge.chain import Lane
 from entoptic.tracker_bridge.sources.pupil_remote import DEFAULT_REMOTE
 
@@ -31,17 +32,12 @@ class Save(StrEnum):
     EXR = "exr"
 
 
-def _of(description: str, title: str | None = None, **extra: Any) -> Meta:
-    """What a field is, for a person. `extra`: services.command_line's, and `first` and `list` of the console's form."""
-    return Meta(description=description, title=title, extra=extra)
-
-
 Address = Annotated[str, Meta(extra={"metavar": "ADDRESS"})]
 Seconds = Annotated[float, Meta(ge=0.001)]
 Pixels = Annotated[int, Meta(ge=1, le=16384)]
 MeanLuminance = Annotated[
     Annotated[float, Meta(ge=1e-9, le=1e9)] | None,
-    _of(
+    described(
         "Mean luminance in cd/m² of a scene whose file has no absolute scale.",
         "Mean luminance, cd/m²",
         option="--mean-luminance",
@@ -50,31 +46,33 @@ MeanLuminance = Annotated[
 ]
 WidthPx = Annotated[
     Pixels | None,
-    _of("Pixels per eye; the scene's own unless given.", "Width of an eye's image, px", first=True, option="--width"),
+    described(
+        "Pixels per eye; the scene's own unless given.", "Width of an eye's image, px", first=True, option="--width"
+    ),
 ]
 HeightPx = Annotated[
     Pixels | None,
-    _of("Pixels per eye; the scene's own unless given.", "Height of it, px", first=True, option="--height"),
+    described("Pixels per eye; the scene's own unless given.", "Height of it, px", first=True, option="--height"),
 ]
 FovDeg = Annotated[
     Annotated[float, Meta(ge=1.0, le=175.0)],
-    _of("Horizontal field of view in degrees.", "Field of view, °", first=True, option="--fov", metavar="DEG"),
+    described("Horizontal field of view in degrees.", "Field of view, °", first=True, option="--fov", metavar="DEG"),
 ]
 
 
 TableMap = Annotated[
     str | None,
-    _of(
+    described(
         "TOML column map for a table: columns, units, decimal comma, eye, validity.",
         "Column map",
         option="--map",
         metavar="FILE",
     ),
 ]
-Seed = Annotated[Annotated[int, Meta(ge=0)], _of("Which simulated person.", "Simulated person")]
+Seed = Annotated[Annotated[int, Meta(ge=0)], described("Which simulated person.", "Simulated person")]
 ReaderKeys = Annotated[
     str | None,
-    _of("Keys of this reader, from entoptic keys, if the bridge has any.", metavar="FOLDER", option="--keys"),
+    described("Keys of this reader, from entoptic keys, if the bridge has any.", metavar="FOLDER", option="--keys"),
 ]
 
 
@@ -83,7 +81,7 @@ class SourceConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_o
 
     source: Annotated[
         str,
-        _of(
+        described(
             "Eye data: simulated, a folder recorded by Pupil Capture, an export of Pupil Player, any .csv/.tsv table "
             "(see --map), or usb-file:PATH; live also capture, usb and usb-simulated:RECORDING.",
             "Eyes",
@@ -93,9 +91,9 @@ class SourceConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_o
         ),
     ] = "simulated"
     table_map: TableMap = None
-    remote: Annotated[str, _of("Where Pupil Remote listens, for capture.", "Capture's address")] = DEFAULT_REMOTE
+    remote: Annotated[str, described("Where Pupil Remote listens, for capture.", "Capture's address")] = DEFAULT_REMOTE
     usb_id: Annotated[
-        str | None, _of("Which USB eye tracker; the first one unless given.", "USB device", metavar="VID:PID")
+        str | None, described("Which USB eye tracker; the first one unless given.", "USB device", metavar="VID:PID")
     ] = None
     seed: Seed = 0
 
@@ -105,7 +103,7 @@ class EyesConfig(SourceConfig, frozen=True, forbid_unknown_fields=True, kw_only=
 
     usb_faults: Annotated[
         tuple[str, ...],
-        _of(
+        described(
             "What goes wrong with a simulated USB tracker, like unplug@5s:2s. May be given more than once.",
             "Faults",
             option="--usb-fault",
@@ -113,7 +111,7 @@ class EyesConfig(SourceConfig, frozen=True, forbid_unknown_fields=True, kw_only=
     ] = ()
     pupil_map: Annotated[
         str | None,
-        _of(
+        described(
             "What diameters mean: a file that a pupil calibration wrote.",
             "Pupil map",
             metavar="FILE",
@@ -121,7 +119,7 @@ class EyesConfig(SourceConfig, frozen=True, forbid_unknown_fields=True, kw_only=
         ),
     ] = None
     latency_mode: Annotated[
-        Lane, _of("States at once, or 50 ms later with blinks cut out more finely.", "Latency mode")
+        Lane, described("States at once, or 50 ms later with blinks cut out more finely.", "Latency mode")
     ] = Lane.LIVE
 
 
@@ -130,7 +128,7 @@ class ViewConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_onl
 
     scene: Annotated[
         str,
-        _of(
+        described(
             "What the eyes look at: night-street, a panorama or picture (.hdr, .exr), or a folder of pictures.",
             "Scene",
             first=True,
@@ -138,32 +136,34 @@ class ViewConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_onl
         ),
     ] = "night-street"
     mean_luminance_cd_m2: MeanLuminance = None
-    eyes: Annotated[Eyes, _of("Which eyes are rendered; both stand side by side.", "Rendered eyes", first=True)] = (
-        Eyes.LEFT
-    )
+    eyes: Annotated[
+        Eyes, described("Which eyes are rendered; both stand side by side.", "Rendered eyes", first=True)
+    ] = Eyes.LEFT
     fps: Annotated[
-        Annotated[float, Meta(ge=0.1, le=1000.0)], _of("Frames per second.", "Frames a second", first=True)
+        Annotated[float, Meta(ge=0.1, le=1000.0)], described("Frames per second.", "Frames a second", first=True)
     ] = 24.0
-    seconds: Annotated[Seconds | None, _of("How long; the whole recording unless given.", "Seconds", first=True)] = None
+    seconds: Annotated[
+        Seconds | None, described("How long; the whole recording unless given.", "Seconds", first=True)
+    ] = None
     width_px: WidthPx = None
     height_px: HeightPx = None
     fov_deg: FovDeg = 104.0
     head: Annotated[
         str,
-        _of(
+        described(
             "How the head moves: look-around, still, gaze (follows the eyes), or a CSV file with the columns "
             "t_s,yaw_deg,pitch_deg,roll_deg.",
             "Head",
         ),
     ] = "look-around"
     save: Annotated[
-        tuple[Save, ...], _of("How perceived frames are kept; may be given more than once.", "Frames are kept as")
+        tuple[Save, ...], described("How perceived frames are kept; may be given more than once.", "Frames are kept as")
     ] = (Save.VIDEO,)
 
 
 SettingsFile = Annotated[
     str | None,
-    _of(
+    described(
         "TOML file with [observer], [display], [plan] and a table for each effect; entoptic psf --save-observer writes "
         "one.",
         option="--settings",
@@ -178,7 +178,7 @@ class SettingsConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw
     file: SettingsFile = None
     changes: Annotated[
         tuple[str, ...],
-        _of(
+        described(
             "One setting, over the file's, like observer.age_years=60. May be given more than once.",
             option="--set",
             metavar="KEY=VALUE",
@@ -186,67 +186,77 @@ class SettingsConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw
     ] = ()
     budget_ms: Annotated[
         float | None,
-        _of("Time that a frame may take: the plan of least error that fits; overrides the settings.", metavar="MS"),
+        described(
+            "Time that a frame may take: the plan of least error that fits; overrides the settings.", metavar="MS"
+        ),
     ] = None
-    everything: Annotated[bool, _of("Every effect in full, whether a frame calls for it or not.")] = False
-    without: Annotated[tuple[str, ...], _of("Leave an effect out. May be given more than once.", metavar="EFFECT")] = ()
+    everything: Annotated[bool, described("Every effect in full, whether a frame calls for it or not.")] = False
+    without: Annotated[
+        tuple[str, ...], described("Leave an effect out. May be given more than once.", metavar="EFFECT")
+    ] = ()
 
 
 class BridgeConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """How a source is published."""
 
     eyes: EyesConfig = EyesConfig()
-    states: Annotated[Address, _of("Where eye states are published; * for a free port.")] = "tcp://127.0.0.1:*"
-    events: Annotated[Address, _of("Where events are published; * for a free port.")] = "tcp://127.0.0.1:*"
+    states: Annotated[Address, described("Where eye states are published; * for a free port.")] = "tcp://127.0.0.1:*"
+    events: Annotated[Address, described("Where events are published; * for a free port.")] = "tcp://127.0.0.1:*"
     replay: Annotated[
-        Address | None, _of("Where lost events can be had again; a free port of the events' host unless given.")
+        Address | None, described("Where lost events can be had again; a free port of the events' host unless given.")
     ] = None
-    control: Annotated[Address, _of("Where entoptic tell reaches this bridge; * for a free port.")] = (
+    control: Annotated[Address, described("Where entoptic tell reaches this bridge; * for a free port.")] = (
         "tcp://127.0.0.1:*"
     )
     keys: Annotated[
-        str | None, _of("Keys of this bridge, from entoptic keys; needed off loopback.", metavar="FOLDER")
+        str | None, described("Keys of this bridge, from entoptic keys; needed off loopback.", metavar="FOLDER")
     ] = None
     record: Annotated[
-        str | None, _of("New folder for a recording of Pupil's form; survives a crash.", metavar="FOLDER")
+        str | None, described("New folder for a recording of Pupil's form; survives a crash.", metavar="FOLDER")
     ] = None
     record_raw: Annotated[
-        str | None, _of("File for all that a USB tracker sends; usb-file:PATH plays it.", metavar="FILE")
+        str | None, described("File for all that a USB tracker sends; usb-file:PATH plays it.", metavar="FILE")
     ] = None
-    tables: Annotated[str | None, _of("Folder for states.csv and events.csv.", metavar="FOLDER")] = None
-    seconds: Annotated[Seconds | None, _of("How long; the whole recording unless given.")] = None
-    luminance: Annotated[str | None, _of("Light before a simulated eye: cd/m², or a CSV file t_s,cd_m2.")] = None
+    tables: Annotated[str | None, described("Folder for states.csv and events.csv.", metavar="FOLDER")] = None
+    seconds: Annotated[Seconds | None, described("How long; the whole recording unless given.")] = None
+    luminance: Annotated[str | None, described("Light before a simulated eye: cd/m², or a CSV file t_s,cd_m2.")] = None
     live: Annotated[
-        bool, _of("As a part of a live session: recordings are played by the clock, simulated eyes have no end.")
+        bool, described("As a part of a live session: recordings are played by the clock, simulated eyes have no end.")
     ] = False
     begun_ns: Annotated[
         int | None,
-        _of("When the source began, on the monotonic clock, for --live: it goes on where it is by now.", metavar="NS"),
+        described(
+            "When the source began, on the monotonic clock, for --live: it goes on where it is by now.", metavar="NS"
+        ),
     ] = None
-    screens: Annotated[Address | None, _of("Where pupil calibrations ask a display for their screens, for --live.")] = (
-        None
-    )
-    answers: Annotated[Address | None, _of("Where that display answers, for --live.")] = None
-    sees: Annotated[Address | None, _of("A worker's frames: their light falls into simulated eyes, for --live.")] = None
+    screens: Annotated[
+        Address | None, described("Where pupil calibrations ask a display for their screens, for --live.")
+    ] = None
+    answers: Annotated[Address | None, described("Where that display answers, for --live.")] = None
+    sees: Annotated[
+        Address | None, described("A worker's frames: their light falls into simulated eyes, for --live.")
+    ] = None
     reader_keys: Annotated[
-        str | None, _of("Keys of a reader for --sees, if that worker has any.", metavar="FOLDER")
+        str | None, described("Keys of a reader for --sees, if that worker has any.", metavar="FOLDER")
     ] = None
 
 
 class WorkerLinks(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """Whom a worker hears, and who hears it."""
 
-    states: Annotated[Address, _of("Where a bridge publishes eye states.")]
-    events: Annotated[Address, _of("Where it publishes events.")]
+    states: Annotated[Address, described("Where a bridge publishes eye states.")]
+    events: Annotated[Address, described("Where it publishes events.")]
     out: Annotated[
-        str | None, _of("Folder for a recording from the first frame on; none unless given.", metavar="FOLDER")
+        str | None, described("Folder for a recording from the first frame on; none unless given.", metavar="FOLDER")
     ] = None
-    frames: Annotated[Address | None, _of("Publish frames there, like tcp://127.0.0.1:*.")] = None
-    control: Annotated[Address | None, _of("Be told there what to do, and run until stopped.")] = None
-    resume: Annotated[str | None, _of("Go on from this checkpoint if it is there, and keep it.", metavar="FILE")] = None
+    frames: Annotated[Address | None, described("Publish frames there, like tcp://127.0.0.1:*.")] = None
+    control: Annotated[Address | None, described("Be told there what to do, and run until stopped.")] = None
+    resume: Annotated[
+        str | None, described("Go on from this checkpoint if it is there, and keep it.", metavar="FILE")
+    ] = None
     keys: ReaderKeys = None
     server_keys: Annotated[
-        str | None, _of("Keys for --frames and --control, from entoptic keys.", metavar="FOLDER")
+        str | None, described("Keys for --frames and --control, from entoptic keys.", metavar="FOLDER")
     ] = None
 
 
@@ -255,12 +265,12 @@ class StillConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_on
 
     pupil_mm: Annotated[
         Annotated[float, Meta(ge=0.5, le=12.0)] | None,
-        _of("Pupil diameter; computed from the light and the age unless given."),
+        described("Pupil diameter; computed from the light and the age unless given."),
     ] = None
-    gaze: Annotated[str, _of("Direction of gaze in degrees, right and up.", metavar="X,Y")] = "0,0"
+    gaze: Annotated[str, described("Direction of gaze in degrees, right and up.", metavar="X,Y")] = "0,0"
     adaptation: Annotated[
         Annotated[float, Meta(ge=1e-6, le=1e9)] | None,
-        _of("Luminance the eye is adapted to; the image's unless given.", metavar="CD_M2"),
+        described("Luminance the eye is adapted to; the image's unless given.", metavar="CD_M2"),
     ] = None
     mean_luminance_cd_m2: MeanLuminance = None
     width_px: WidthPx = None
@@ -268,7 +278,7 @@ class StillConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_on
     fov_deg: FovDeg = 104.0
     lights: Annotated[
         tuple[str, ...],
-        _of(
+        described(
             "A light of its own with its glare: direction in degrees, illuminance at the eye, spectrum (D65, A, "
             "LED-B3, …, or a CSV file) and radius in degrees. May be given more than once.",
             option="--light",
@@ -280,41 +290,45 @@ class StillConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_on
 class PageConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """Where the console's page is served."""
 
-    host: Annotated[str, _of("Where the console's page is served; another than 127.0.0.1 needs a --token.")] = (
+    host: Annotated[str, described("Where the console's page is served; another than 127.0.0.1 needs a --token.")] = (
         "127.0.0.1"
     )
-    port: Annotated[Annotated[int, Meta(ge=0, le=65535)], _of("Of the console's page; 0 for any.")] = 8080
+    port: Annotated[Annotated[int, Meta(ge=0, le=65535)], described("Of the console's page; 0 for any.")] = 8080
     token: Annotated[
-        str | None, _of("What a browser must show, or a file that holds it; needed beyond this machine.")
+        str | None, described("What a browser must show, or a file that holds it; needed beyond this machine.")
     ] = None
     names: Annotated[
         tuple[str, ...],
-        _of("Another name of this machine. May be given more than once.", option="--allow-host", metavar="NAME"),
+        described("Another name of this machine. May be given more than once.", option="--allow-host", metavar="NAME"),
     ] = ()
 
 
 class FoldersConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """Where the console finds and keeps things."""
 
-    root: Annotated[str, _of("Folder of the sessions.", metavar="FOLDER")] = "sessions"
-    observers: Annotated[str, _of("Folder where settings are saved.", metavar="FOLDER")] = "observers"
-    inputs: Annotated[str | None, _of("Folder of scenes and recordings to choose from.", metavar="FOLDER")] = None
+    root: Annotated[str, described("Folder of the sessions.", metavar="FOLDER")] = "sessions"
+    observers: Annotated[str, described("Folder where settings are saved.", metavar="FOLDER")] = "observers"
+    inputs: Annotated[str | None, described("Folder of scenes and recordings to choose from.", metavar="FOLDER")] = None
 
 
 class PageLinks(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """Whom the console's server hears: the program that runs sessions, or a bridge and a worker by themselves."""
 
-    host_control: Annotated[Address | None, _of("Control of the program that runs sessions.")] = None
-    states: Annotated[Address | None, _of("Where a bridge publishes eye states.")] = None
-    events: Annotated[Address | None, _of("Where it publishes events.")] = None
-    bridge: Annotated[Address | None, _of("Its control.")] = None
-    screens: Annotated[Address | None, _of("Where it asks for the screens of pupil calibrations.")] = None
-    answers: Annotated[Address | None, _of("Where it is answered.")] = None
-    frames: Annotated[Address | None, _of("Where a worker publishes frames.")] = None
-    worker: Annotated[Address | None, _of("Its control.")] = None
-    keys: Annotated[str | None, _of("This reader's keys, where bridge and worker have some.", metavar="FOLDER")] = None
-    worker_keys: Annotated[str | None, _of("Those for the worker, where they are others.", metavar="FOLDER")] = None
-    no_token: Annotated[bool, _of("Ask for none: where the port is reached from this machine alone.")] = False
+    host_control: Annotated[Address | None, described("Control of the program that runs sessions.")] = None
+    states: Annotated[Address | None, described("Where a bridge publishes eye states.")] = None
+    events: Annotated[Address | None, described("Where it publishes events.")] = None
+    bridge: Annotated[Address | None, described("Its control.")] = None
+    screens: Annotated[Address | None, described("Where it asks for the screens of pupil calibrations.")] = None
+    answers: Annotated[Address | None, described("Where it is answered.")] = None
+    frames: Annotated[Address | None, described("Where a worker publishes frames.")] = None
+    worker: Annotated[Address | None, described("Its control.")] = None
+    keys: Annotated[
+        str | None, described("This reader's keys, where bridge and worker have some.", metavar="FOLDER")
+    ] = None
+    worker_keys: Annotated[str | None, described("Those for the worker, where they are others.", metavar="FOLDER")] = (
+        None
+    )
+    no_token: Annotated[bool, described("Ask for none: where the port is reached from this machine alone.")] = False
 
 
 class ServerConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):

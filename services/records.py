@@ -2,14 +2,10 @@
 
 from __future__ import annotations
 
-import ast
 import dataclasses
 import enum
 import functools
-import inspect
-import itertools
 import math
-import textwrap
 from collections.abc import Iterator, Mapping
 from typing import Any
 
@@ -67,15 +63,15 @@ def _leaves(record: type[msgspec.Struct], prefix: str) -> Iterator[Leaf]:
         else:
             default = field.default if field.default_factory is msgspec.NODEFAULT else field.default_factory()
             default = default if default is msgspec.NODEFAULT else msgspec.to_builtins(default, order="deterministic")
-            yield _leaf(path, field.type, default, sentences(record).get(field.name, ""))
+            yield _leaf(path, field.type, default)
 
 
 def leaf_of(name: str, kind: Any, default: Any) -> Leaf:
     """A single value of a type that Annotated and msgspec.Meta describe."""
-    return _leaf(name, types.type_info(kind), default, "")
+    return _leaf(name, types.type_info(kind), default)
 
 
-def _leaf(path: str, kind: types.Type, default: Any, sentence: str) -> Leaf:
+def _leaf(path: str, kind: types.Type, default: Any) -> Leaf:
     meta: dict[str, Any] = {}
     extra: dict[str, Any] = {}
     optional = many = False
@@ -104,7 +100,7 @@ def _leaf(path: str, kind: types.Type, default: Any, sentence: str) -> Leaf:
         high,
         low_open,
         meta.get("title"),
-        meta.get("description", sentence),
+        meta.get("description", ""),
         extra,
     )
 
@@ -147,26 +143,6 @@ def nested(values: Mapping[str, Any]) -> dict[str, Any]:
     return tables
 
 
-@functools.cache
-def sentences(record: type) -> dict[str, str]:
-    """The string under each field or member, where that is not in its Meta; Python itself does not keep those."""
-    try:
-        tree = ast.parse(textwrap.dedent(inspect.getsource(record)))
-    except (OSError, SyntaxError):
-        return {}
-    (body,) = (node.body for node in tree.body if isinstance(node, ast.ClassDef))
-    found = {}
-    for statement, below in itertools.pairwise(body):
-        target: ast.expr | None = None
-        if isinstance(statement, ast.AnnAssign):
-            target = statement.target
-        elif isinstance(statement, ast.Assign) and len(statement.targets) == 1:
-            target = statement.targets[0]
-        if isinstance(target, ast.Name) and isinstance(below, ast.Expr) and isinstance(below.value, ast.Constant):
-            found[target.id] = " ".join(str(below.value.value).split())
-    return found
-
-
 def options_of(kind: type[enum.Enum]) -> tuple[tuple[str, str], ...]:
     """The values of an enumeration, each with a sentence that may be empty."""
-    return tuple((str(member.value), sentences(kind).get(member.name, "")) for member in kind)
+    return tuple((str(member.value), getattr(member, "description", "")) for member in kind)

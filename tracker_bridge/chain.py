@@ -9,10 +9,10 @@ from __future__ import annotations
 
 import collections
 import dataclasses
-import enum
 import statistics
 from collections.abc import Iterable, Iterator
 
+from entoptic.described import DescribedEnum
 from entoptic.tracker_bridge.dropout import DropoutFilter, Shown, slewed_mm
 from entoptic.tracker_bridge.events import (
     ClockEstimated,
@@ -63,13 +63,11 @@ class _EyeMemory:
         )
 
 
-class Lane(enum.StrEnum):
+class Lane(DescribedEnum):
     """When states leave."""
 
-    LIVE = "live"
-    """At once."""
-    RECORDING = "recording"
-    """After a fixed lag, with what came after them taken into account; see recording_lane.py."""
+    LIVE = "live", "At once."
+    RECORDING = "recording", "After a fixed lag, with what came after them taken into account; see recording_lane.py."
 
 
 class Chain:

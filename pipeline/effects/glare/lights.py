@@ -11,7 +11,6 @@ It is instant: a frame depends on no other.
 from __future__ import annotations
 
 import dataclasses
-import enum
 import functools
 import math
 from collections import defaultdict
@@ -23,6 +22,7 @@ import numpy as np
 from jaxtyping import Array, Float
 from numpy.typing import NDArray
 
+from entoptic.described import DescribedEnum
 from entoptic.pipeline.effects.glare import stamp
 from entoptic.pipeline.frame import Light, View
 
@@ -37,7 +37,7 @@ SUMMED_PX = 64
 """Discs up to this radius have their pixels summed; of larger ones the sum is the area within 1e-5."""
 
 
-class Falloff(enum.StrEnum):
+class Falloff(DescribedEnum):
     """What light scattered to a distance weighs; what it takes stays in the centre, so that no light is lost.
 
     `x` is the distance over the kernel's radius. KRI has these for kernels that are cut short (§4.2.5, equations 4.11
@@ -45,10 +45,8 @@ class Falloff(enum.StrEnum):
     """
 
     NONE = "none"
-    EPANECHNIKOV = "epanechnikov"
-    """1 − x²."""
-    SILVERMAN = "silverman"
-    """(1 − x²)²."""
+    EPANECHNIKOV = "epanechnikov", "1 − x²."
+    SILVERMAN = "silverman", "(1 − x²)²."
 
     def weight(self, x_squared: NDArray[np.float64]) -> NDArray[np.float64]:
         """At the squared distance, 0 from 1 on."""

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import enum
 import functools
 
 import jax.numpy as jnp
@@ -11,6 +10,7 @@ import numpy as np
 from jaxtyping import Array, Complex, Float
 from numpy.typing import NDArray
 
+from entoptic.described import DescribedEnum
 from entoptic.pipeline.effects.glare.kernel import Component, Formula, Mixture, Veil, component
 from entoptic.pipeline.frame import LUMINANCE_WEIGHTS
 from entoptic.pipeline.observer import Observer
@@ -27,17 +27,16 @@ IJSPEERT_VEIL_MM = 4.0
 """The pupil whose veil stands for all. Engineering choice: a middling one."""
 
 
-class GlareModel(enum.StrEnum):
+class GlareModel(DescribedEnum):
     """Which point-spread function."""
 
-    WAVE = "wave"
-    """Wave optics of this observer's pupil plane, CIE 135 beyond its field and for what it cannot resolve."""
-    SPE = "spe"
-    """Spencer 1995: age and adaptation."""
-    CIE = "cie"
-    """CIE 135 (Vos 2003): age and pigmentation."""
-    IJSPEERT = "ijspeert"
-    """IJspeert 1993: age, pigmentation and the live pupil."""
+    WAVE = (
+        "wave",
+        "Wave optics of this observer's pupil plane, CIE 135 beyond its field and for what it cannot resolve.",
+    )
+    SPE = "spe", "Spencer 1995: age and adaptation."
+    CIE = "cie", "CIE 135 (Vos 2003): age and pigmentation."
+    IJSPEERT = "ijspeert", "IJspeert 1993: age, pigmentation and the live pupil."
 
 
 def mixture(model: GlareModel, observer: Observer, pose: Pose, adapted_cd_m2: float, pixels_per_deg: float) -> Mixture:

@@ -2,36 +2,41 @@
 
 from __future__ import annotations
 
-import enum
 from typing import Annotated
 
 import msgspec
 
+from entoptic.described import DescribedEnum, described
 
-class Operator(enum.StrEnum):
+
+class Operator(DescribedEnum):
     """From the scene's luminance to the display's."""
 
-    ACES = "aces"
-    """Filmic curve of each component, exposed by the key (LUI)."""
-    REINHARD = "reinhard"
-    """Photographic curve of luminance, exposed by the key (KRI 4.18–4.20)."""
-    WARD = "ward"
-    """What is just seen in the scene is just seen on the display (BAR 8–10, after Ward and Ferwerda): linear."""
-    DURAND = "durand"
-    """The same for cones and rods apart (KRI 4.21–4.26)."""
-    CURVE = "curve"
-    """A person's own curve of luminance, from a file."""
+    ACES = "aces", "Filmic curve of each component, exposed by the key (LUI)."
+    REINHARD = "reinhard", "Photographic curve of luminance, exposed by the key (KRI 4.18–4.20)."
+    WARD = (
+        "ward",
+        "What is just seen in the scene is just seen on the display (BAR 8–10, after Ward and Ferwerda): linear.",
+    )
+    DURAND = "durand", "The same for cones and rods apart (KRI 4.21–4.26)."
+    CURVE = "curve", "A person's own curve of luminance, from a file."
 
 
-class Hue(enum.StrEnum):
+class Hue(DescribedEnum):
     """What becomes of a colour beyond the display's."""
 
-    CLIP = "clip"
-    """Each component ends at the display's peak: bright colours go to white, ACES curves each component for itself."""
-    RGB = "rgb"
-    """All three components are divided by the largest where that is above the peak (KRI 4.30)."""
-    XYY = "xyy"
-    """Luminance ends at the peak's and chromaticity is kept (KRI 4.28, E5); a saturated colour is then clipped."""
+    CLIP = (
+        "clip",
+        (
+            "Each component ends at the display's peak: bright colours go to white, ACES curves each component for "
+            "itself."
+        ),
+    )
+    RGB = "rgb", "All three components are divided by the largest where that is above the peak (KRI 4.30)."
+    XYY = (
+        "xyy",
+        ("Luminance ends at the peak's and chromaticity is kept (KRI 4.28, E5); a saturated colour is then clipped."),
+    )
 
 
 class Tone(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -39,10 +44,17 @@ class Tone(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
     operator: Operator = Operator.ACES
     hue: Hue = Hue.CLIP
-    white: Annotated[float, msgspec.Meta(ge=0.5, le=1e6)] = 2.0
-    """L_white of `reinhard`, the smallest exposed luminance that is shown at the display's peak (KRI 4.20)."""
-    curve: str = ""
-    """File of `curve`: CSV whose header is `log10_cd_m2,share` or `log10_of_adapted,share`."""
+    white: Annotated[
+        float,
+        described(
+            "L_white of `reinhard`, the smallest exposed luminance that is shown at the display's peak (KRI 4.20).",
+            ge=0.5,
+            le=1e6,
+        ),
+    ] = 2.0
+    curve: Annotated[
+        str, described("File of `curve`: CSV whose header is `log10_cd_m2,share` or `log10_of_adapted,share`.")
+    ] = ""
 
     def __post_init__(self) -> None:
         if (self.operator is Operator.CURVE) != bool(self.curve):
