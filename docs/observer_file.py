@@ -2,14 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import enum
 from pathlib import Path
-from typing import Any
 
-import msgspec
-
-from entoptic.services.console.fields import fields
-from entoptic.services.console.protocol import Field
+from entoptic.services.records import Leaf, leaves, options_of
 from entoptic.services.settings import Settings
 
 PAGE = Path(__file__).with_name("observer-file.md")
@@ -24,40 +20,30 @@ def page() -> str:
 
 def tables() -> str:
     """One table for each table of a settings file, those of the person first; keys as in the records."""
-    known = {field.path: field for field in fields()}
-    by_table: dict[str, list[Field]] = {"observer": [], "observer.ocular_dynamics": [], "display": [], "plan": []}
-    for path in _paths(msgspec.to_builtins(Settings()), ""):
-        table = path.rpartition(".")[0]
-        by_table.setdefault(table, []).append(known[path])
+    by_table: dict[str, list[Leaf]] = {"observer": [], "observer.ocular_dynamics": [], "display": [], "plan": []}
+    for leaf in leaves(Settings):
+        by_table.setdefault(leaf.path.rpartition(".")[0], []).append(leaf)
     return "\n".join(f"### [{name}]\n{_table(of_table)}" for name, of_table in by_table.items())
 
 
-def _paths(values: dict[str, Any], table: str) -> Iterator[str]:
-    for key, value in values.items():
-        if isinstance(value, dict):
-            yield from _paths(value, f"{table}{key}.")
-        else:
-            yield table + key
-
-
-def _table(of_table: list[Field]) -> str:
+def _table(of_table: list[Leaf]) -> str:
     rows = ["| key | may be | default | meaning |", "|---|---|---|---|"]
-    for field in of_table:
-        cells = (f"`{field.path.rpartition('.')[2]}`", _range(field), _value(field.default), _meaning(field))
+    for leaf in of_table:
+        cells = (f"`{leaf.name}`", _range(leaf), _value(leaf.default), _meaning(leaf))
         rows.append("| " + " | ".join(cell.replace("|", r"\|") for cell in cells) + " |")
     return "\n".join(rows) + "\n"
 
 
-def _range(field: Field) -> str:
-    if field.kind == "bool":
+def _range(leaf: Leaf) -> str:
+    if leaf.kind is bool:
         return "true, false"
-    if field.kind in ("choice", "choices"):
-        return ("any of " if field.kind == "choices" else "") + ", ".join(f'"{value}"' for value, _ in field.options)
-    if field.kind == "text":
+    if issubclass(leaf.kind, enum.Enum):
+        return ("any of " if leaf.many else "") + ", ".join(f'"{value}"' for value, _ in options_of(leaf.kind))
+    if leaf.kind is str:
         return "text"
-    low = f"above {field.low:.9g}" if field.low_open else f"{field.low:.9g}"
-    numbers = f"{low} or more" if field.high is None else f"{low} to {field.high:.9g}"
-    return f"{numbers}, whole" if field.kind == "int" else numbers
+    low = f"above {leaf.low:.9g}" if leaf.low_open else f"{leaf.low:.9g}"
+    numbers = f"{low} or more" if leaf.high is None else f"{low} to {leaf.high:.9g}"
+    return f"{numbers}, whole" if leaf.kind is int else numbers
 
 
 def _value(default: object) -> str:
@@ -70,9 +56,10 @@ def _value(default: object) -> str:
     return f"{default:.9g}" if isinstance(default, float) else str(default)
 
 
-def _meaning(field: Field) -> str:
-    choices = [f"`{value}`: {sentence}" for value, sentence in field.options if sentence]
-    return "<br>".join(part for part in (field.help, *choices) if part)
+def _meaning(leaf: Leaf) -> str:
+    options = options_of(leaf.kind) if issubclass(leaf.kind, enum.Enum) else ()
+    choices = [f"`{value}`: {sentence}" for value, sentence in options if sentence]
+    return "<br>".join((leaf.description, *choices))
 
 
 if __name__ == "__main__":

@@ -90,9 +90,13 @@ def _leaf(path: str, kind: types.Type, default: Any) -> Leaf:
             case _:
                 break
     low, low_open, high = _range(kind) if isinstance(kind, types.FloatType | types.IntType) else (None, False, None)
+    python = _python_type(path, kind)
+    # A choice is described by its class.
+    description = meta.get("description") or (issubclass(python, enum.Enum) and python.__doc__) or ""
+    description = description.partition("\n\n")[0]
     return Leaf(
         path,
-        _python_type(path, kind),
+        python,
         default,
         many,
         optional,
@@ -100,7 +104,7 @@ def _leaf(path: str, kind: types.Type, default: Any) -> Leaf:
         high,
         low_open,
         meta.get("title"),
-        meta.get("description", ""),
+        " ".join(description.split()),
         extra,
     )
 

@@ -19,6 +19,7 @@ import numpy as np
 from jaxtyping import Array, Float, UInt32
 from numpy.typing import NDArray
 
+from entoptic.described import described
 from entoptic.pipeline.effects.effect import Cost, Domain, Effect, Picture, TileChanges, TileRanges
 from entoptic.pipeline.frame import LUMINANCE_WEIGHTS, FrameError
 from entoptic.pipeline.measure import luminance
@@ -42,17 +43,33 @@ time, along y and along x."""
 class RodNoise(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """Whether and how rods' noise is shown."""
 
-    on: bool = False
-    """Off by default: the display and the eyes of the viewer have noise of their own."""
-    seed: Annotated[int, msgspec.Meta(ge=0, lt=2**32)] = 0
-    """Which of all noises; the same seed and time give the same noise."""
-    grain_deg: Annotated[float, msgspec.Meta(ge=0.25, le=2.0)] = 0.3
-    """Side of the patch that counts as one. 0.3°: about the area over which rods sum light completely 5° off the fovea
-    (Ricco's area)."""
-    below_cd_m2: Annotated[float, msgspec.Meta(ge=1e-5, le=1.0)] = 0.01
-    """Noise fades in below this luminance, as cones, which catch many more photons each, hand over to rods."""
-    own_light: bool = False
-    """Events of heat are seen as light too, a faint grey in full darkness; the mean then rises by it."""
+    on: Annotated[
+        bool, described("Off by default: the display and the eyes of the viewer have noise of their own.")
+    ] = False
+    seed: Annotated[
+        int, described("Which of all noises; the same seed and time give the same noise.", ge=0, lt=2**32)
+    ] = 0
+    grain_deg: Annotated[
+        float,
+        described(
+            "Side of the patch that counts as one. 0.3°: about the area over which rods sum light completely 5° off "
+            "the fovea (Ricco's area).",
+            ge=0.25,
+            le=2.0,
+        ),
+    ] = 0.3
+    below_cd_m2: Annotated[
+        float,
+        described(
+            "Noise fades in below this luminance, as cones, which catch many more photons each, hand over to rods.",
+            ge=1e-5,
+            le=1.0,
+        ),
+    ] = 0.01
+    own_light: Annotated[
+        bool,
+        described("Events of heat are seen as light too, a faint grey in full darkness; the mean then rises by it."),
+    ] = False
 
 
 def add_noise(

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import msgspec
 
+from entoptic.described import described
 from entoptic.pipeline.effects import OPTIONAL
 
 if TYPE_CHECKING:
@@ -18,15 +19,26 @@ else:
 class Planning(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """What decides between accuracy and time."""
 
-    everything: bool = False
-    """Every effect runs in full, called for or not."""
-    leave_out: frozenset[OptionalEffect] = frozenset()
-    """Effects that do not run whatever they would change: to see what each of them does."""
-    tolerance_code_values: Annotated[float, msgspec.Meta(gt=0.0, le=64.0)] = 0.5
-    """An effect, or a better level of it, is left out where it changes no component of any pixel by more. Half a code
-    value rounds to the same code value, give or take one."""
-    budget_ms: Annotated[float, msgspec.Meta(gt=0.0, le=1e6)] | None = None
-    """Time that a frame may take: of all plans that fit, the one of least predicted error. None: what it takes."""
+    everything: Annotated[bool, described("Every effect runs in full, called for or not.")] = False
+    leave_out: Annotated[
+        frozenset[OptionalEffect],
+        described("Effects that do not run whatever they would change: to see what each of them does."),
+    ] = frozenset()
+    tolerance_code_values: Annotated[
+        float,
+        described(
+            "An effect, or a better level of it, is left out where it changes no component of any pixel by more. "
+            "Half a code value rounds to the same code value, give or take one.",
+            gt=0.0,
+            le=64.0,
+        ),
+    ] = 0.5
+    budget_ms: Annotated[
+        Annotated[float, msgspec.Meta(gt=0.0, le=1e6)] | None,
+        described(
+            "Time that a frame may take: of all plans that fit, the one of least predicted error. None: what it takes."
+        ),
+    ] = None
 
     def __post_init__(self) -> None:
         if unknown := self.leave_out - set(OPTIONAL):

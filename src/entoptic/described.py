@@ -15,10 +15,11 @@ def described(
     ge: float | None = None,
     gt: float | None = None,
     le: float | None = None,
+    lt: float | None = None,
     **extra: Any,
 ) -> msgspec.Meta:
     """For Annotated: what a field means, and its range; `extra` is services.records' and says how it is shown."""
-    limits: dict[str, Any] = {"ge": ge, "gt": gt, "le": le}
+    limits: dict[str, Any] = {"ge": ge, "gt": gt, "le": le, "lt": lt}
     return msgspec.Meta(description=sentence, title=title, extra=extra or None, **limits)
 
 

@@ -1,5 +1,6 @@
 """The record that describes a session: by JSON, by the command line, by the form."""
 
+import enum
 import inspect
 import json
 import typing
@@ -17,12 +18,13 @@ from entoptic.services import config as configs
 from entoptic.services.command_line import option_names, options
 from entoptic.services.config import Eyes, EyesConfig, Save, SettingsConfig, ViewConfig
 from entoptic.services.console.fields import session_fields
-from entoptic.services.records import Leaf, is_record, leaves, nested
+from entoptic.services.records import Leaf, is_record, leaves, nested, options_of
 from entoptic.services.session_config import OpenedSession, SessionConfig, open_session
 from entoptic.services.settings import Settings, SettingsError, changed, of
 from entoptic.tracker_bridge.chain import Lane
 
 RECORDS = [kind for _, kind in inspect.getmembers(configs, is_record) if kind.__module__ == configs.__name__]
+SAID_BY_THEIR_NAMES = ("observer.iris", "plan.leave_out")
 SESSION = leaves(EyesConfig) + leaves(ViewConfig)
 
 
@@ -122,6 +124,14 @@ def test_an_error_of_range_names_the_option(leaf: Leaf) -> None:
     for value in beyond:
         with pytest.raises(ValueError, match=option_names(leaf)[0]):
             by_command_line([f"{option_names(leaf)[0]}={value}"])
+
+
+@pytest.mark.parametrize("leaf", leaves(Settings), ids=lambda leaf: leaf.path)
+def test_every_setting_and_every_choice_says_what_it_means(leaf: Leaf) -> None:
+    assert leaf.description.endswith("."), leaf.path
+    told = [sentence for value, sentence in (options_of(leaf.kind) if issubclass(leaf.kind, enum.Enum) else ())]
+    # None where the words say it themselves, as an iris' colours.
+    assert leaf.path in SAID_BY_THEIR_NAMES or all(sentence.endswith(".") for sentence in told)
 
 
 @pytest.mark.parametrize("record", RECORDS, ids=lambda record: record.__name__)

@@ -44,7 +44,7 @@ class Falloff(DescribedEnum):
     and 4.12); here they are 1 in the centre.
     """
 
-    NONE = "none"
+    NONE = "none", "All of it counts, up to the edge."
     EPANECHNIKOV = "epanechnikov", "1 − x²."
     SILVERMAN = "silverman", "(1 − x²)²."
 
