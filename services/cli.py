@@ -49,7 +49,7 @@ for command, example in (
     (worker, "worker --states tcp://127.0.0.1:5555 --events tcp://127.0.0.1:5556 --out seen"),
     (render, "render street.hdr --mean-luminance 0.5 --pupil-mm 6 --gaze 5,-2 -o seen.png"),
     (explain, "explain street.hdr --mean-luminance 0.5 --pupil-mm 6 -o explain.png"),
-    (psf, "psf --pupil-mm 6 --age 60 --sheets --out my_eye"),
+    (psf, "psf --pupil-mm 6 --set age_years=60 --sheets --out my_eye"),
     (simulate, "simulate --seconds 30 --seed 3 --out simulated_recording"),
     (detect, "detect my_recording/ --out events.csv"),
     (calibrate, "calibrate --source capture --out my_pupil.toml"),

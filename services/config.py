@@ -161,29 +161,32 @@ class ViewConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_onl
     ] = (Save.VIDEO,)
 
 
-SettingsFile = Annotated[
-    str | None,
-    described(
-        "TOML file with [observer], [display], [plan] and a table for each effect; entoptic psf --save-observer writes "
-        "one.",
-        option="--settings",
-        metavar="FILE",
-    ),
-]
-
-
-class SettingsConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+class ObserverConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """Where the settings of observer, display, plan and effects come from; services.settings.of makes them."""
 
-    file: SettingsFile = None
+    file: Annotated[
+        str | None,
+        described(
+            "TOML file with [observer], [display], [plan] and a table for each effect; entoptic psf --save-observer "
+            "writes one.",
+            option="--settings",
+            metavar="FILE",
+        ),
+    ] = None
     changes: Annotated[
         tuple[str, ...],
         described(
-            "One setting, over the file's, like observer.age_years=60. May be given more than once.",
+            "One setting, over the file's, like observer.age_years=60, or age_years=60 where no other has that name. "
+            "May be given more than once.",
             option="--set",
             metavar="KEY=VALUE",
         ),
     ] = ()
+
+
+class SettingsConfig(ObserverConfig, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """The same, with what is left out."""
+
     budget_ms: Annotated[
         float | None,
         described(

@@ -1,4 +1,4 @@
-"""What a settings file may hold: the observer, the display, the effects and what may be left out, as TOML."""
+"""Settings of the observer, the display, the effects and of planning: as records, as TOML files, on command lines."""
 
 from __future__ import annotations
 
@@ -11,9 +11,10 @@ from typing import Any
 
 import msgspec
 
+from entoptic.atomic_file import output_errors, write_bytes
 from entoptic.errors import EntopticError
 from entoptic.pipeline import OPTIONAL, Display, Effects, Observer, Planning
-from entoptic.services.config import SettingsConfig
+from entoptic.services.config import ObserverConfig, SettingsConfig
 from entoptic.services.records import leaves
 
 _PLACE = re.compile(r"`\$\.([\w.]+)")
@@ -61,7 +62,38 @@ def _may_hold(error: str) -> str:
     return f"[{'.'.join(names)}] may hold {keys}" if names else f"Its tables may be {keys}"
 
 
-def of(config: SettingsConfig, own: Settings | None = None) -> Settings:
+def write(path: Path, settings: Settings) -> None:
+    """Writes all settings as TOML: reading the file gives the same ones. Raises OutputError if it cannot."""
+    lines = ["# Settings of one person; every command takes them by --settings."]
+    _table(lines, msgspec.to_builtins(settings), "")
+    with output_errors(path):
+        write_bytes(path, "\n".join([*lines, ""]).encode())
+
+
+def _table(lines: list[str], values: dict[str, object], name: str) -> None:
+    if name:
+        lines += ["", f"[{name}]"]
+    for key, value in values.items():
+        # TOML has no null: what is not there has its default.
+        if value is not None and not isinstance(value, dict):
+            # Numbers, truth values and strings of JSON are TOML's too, but for DEL, which JSON leaves as it is.
+            text = msgspec.json.encode(value).decode().replace("\x7f", "\\u007f")
+            lines.append(f"{key} = {text}")
+    for key, value in values.items():
+        if isinstance(value, dict):
+            _table(lines, value, f"{name}.{key}" if name else key)
+
+
+def refuse_unwritable(path: Path) -> None:
+    """Raises SettingsError if no settings could be written there, before the work is done."""
+    if path.suffix.lower() != ".toml":
+        raise SettingsError(f"--save-observer {path}: settings are a TOML file; name it like my_eye.toml")
+    if path.is_dir() or not path.parent.is_dir():
+        reason = "is a folder" if path.is_dir() else f"lies in {path.parent}, which is no folder"
+        raise SettingsError(f"--save-observer {path} {reason}; name a file in a folder that is there")
+
+
+def of(config: ObserverConfig, own: Settings | None = None) -> Settings:
     """The settings of a command line: its file's, or its subject's `own`, with what it says beside.
 
     Raises SettingsError.
@@ -71,6 +103,8 @@ def of(config: SettingsConfig, own: Settings | None = None) -> Settings:
         settings = changed(settings, dict(_change(text) for text in config.changes))
     except ValueError as error:
         raise SettingsError(f"--set: {error}") from None
+    if not isinstance(config, SettingsConfig):
+        return settings
     given: dict[str, Any] = {
         # Of what excludes each other, the command line's counts; unless it says both.
         **({} if config.budget_ms is None else {"budget_ms": config.budget_ms, "everything": config.everything}),
@@ -88,7 +122,7 @@ def of(config: SettingsConfig, own: Settings | None = None) -> Settings:
 def changed(settings: Settings, changes: Mapping[str, Any], *, from_defaults: bool = False) -> Settings:
     """Settings with some changed, by their paths. Raises ValueError that names the field and its range."""
     values = {} if from_defaults else msgspec.to_builtins(settings)
-    known = [leaf.path for leaf in leaves(Settings)]
+    known = {leaf.path: leaf for leaf in leaves(Settings)}
     for path, value in changes.items():
         if path not in known:
             near = [name for name in known if name.startswith(path)] or difflib.get_close_matches(path, known, 1)
@@ -101,15 +135,22 @@ def changed(settings: Settings, changes: Mapping[str, Any], *, from_defaults: bo
     try:
         return msgspec.convert(values, Settings)
     except msgspec.ValidationError as error:
-        raise ValueError(str(error).replace("`$.", "`")) from None
+        found = _PLACE.search(str(error))
+        leaf = known.get(found[1]) if found else None
+        choices = leaf is not None and issubclass(leaf.kind, enum.Enum) and ", ".join(map(str, leaf.kind))
+        remedy = f"; it may be {choices}" if choices else ""
+        raise ValueError(str(error).replace("`$.", "`") + remedy) from None
 
 
 def _change(text: str) -> tuple[str, Any]:
-    """Raises ValueError."""
-    path, equals, value = text.partition("=")
+    """A setting by its path, or by its own name where no other has that. Raises ValueError."""
+    path, equals, value = (part.strip() for part in text.partition("="))
     if not equals:
         raise ValueError(f"{text!r} is no setting: give it like observer.age_years=60")
+    named = [leaf.path for leaf in leaves(Settings) if leaf.name == path]
+    if len(named) > 1:
+        raise ValueError(f"{path} is more than one setting: give one of {', '.join(named)}")
     try:
-        return path.strip(), msgspec.toml.decode(f"value = {value}")["value"]
+        return (named or [path])[0], msgspec.toml.decode(f"value = {value}")["value"]
     except (msgspec.DecodeError, UnicodeDecodeError):
-        return path.strip(), value.strip()  # a word, which TOML would have in quotes
+        return (named or [path])[0], value  # a word, which TOML would have in quotes

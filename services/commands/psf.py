@@ -9,35 +9,17 @@ import typer
 from rich.markup import escape
 
 from entoptic.services.command_line import options
-from entoptic.services.config import SettingsFile
+from entoptic.services.config import ObserverConfig
 from entoptic.services.process import prepare_jax
 from entoptic.services.terminal import console
 
 
 @options
 def psf(
+    settings: ObserverConfig,
     out: Annotated[Path, typer.Option(help="Folder for the results.")] = Path("psf"),
     pupil_mm: Annotated[float, typer.Option(min=2, max=8, help="Pupil diameter.")] = 5.0,
-    age: Annotated[float | None, typer.Option(min=1, max=120, help="Years.")] = None,
-    iris: Annotated[str | None, typer.Option(metavar="dark|brown|green|blue", help="Colour of the iris.")] = None,
-    particles: Annotated[
-        int | None, typer.Option(min=0, max=20000, help="Particles of the lens; their number grows with age.")
-    ] = None,
-    particle_mm: Annotated[float | None, typer.Option(min=0.005, max=0.5, help="Their diameter.")] = None,
-    gratings: Annotated[
-        int | None, typer.Option(min=0, max=2000, help="Patches of lens fibres, which make the halo.")
-    ] = None,
-    cornea_cells: Annotated[
-        int | None, typer.Option(min=0, max=20000, help="Cells of the cornea that scatter.")
-    ] = None,
-    vitreous_particles: Annotated[int | None, typer.Option(min=0, max=20000, help="Particles of the vitreous.")] = None,
-    lashes: Annotated[
-        bool | None, typer.Option("--lashes/--no-lashes", help="Whether lashes hang before the pupil.")
-    ] = None,
     openness: Annotated[float, typer.Option(min=0, max=1, help="How far the lids are open.")] = 1.0,
-    defocus: Annotated[float | None, typer.Option(metavar="D", min=-8, max=8, help="Dioptres out of focus.")] = None,
-    seed: Annotated[int | None, typer.Option(min=0, help="Which of all eyes with these settings.")] = None,
-    settings: SettingsFile = None,
     spectrum: Annotated[
         str,
         typer.Option(
@@ -48,9 +30,6 @@ def psf(
     wavelengths: Annotated[
         int, typer.Option(min=4, max=128, help="How many are summed; 60 leave no steps (KRI Fig 6.8).")
     ] = 64,
-    model: Annotated[
-        str | None, typer.Option(metavar="wave|spe|cie|ijspeert", help="Which point-spread function.")
-    ] = None,
     adaptation: Annotated[
         float, typer.Option(metavar="CD_M2", min=1e-6, max=1e6, help="Luminance the eye is adapted to, for spe.")
     ] = 0.01,
@@ -70,28 +49,17 @@ def psf(
     """Show what one person's eye makes of a point of light: pictures, profiles, tables."""
     prepare_jax()
     from entoptic.pipeline.optics.aperture import Pose
-    from entoptic.services.psf import observer_file, results
+    from entoptic.services import settings as settings_file
+    from entoptic.services.psf import results
     from entoptic.services.psf.subject import Subject
-    from entoptic.services.settings import load
 
-    changes = {
-        "age_years": age,
-        "iris": iris,
-        "particles": particles,
-        "particle_mm": particle_mm,
-        "gratings": gratings,
-        "cornea_cells": cornea_cells,
-        "vitreous_particles": vitreous_particles,
-        "defocus_d": defocus,
-        "seed": seed,
-    }
-    tuned = observer_file.tuned(load(settings), changes, lashes=lashes, model=model)
+    tuned = settings_file.of(settings)
     if save_observer is not None:
-        observer_file.refuse_unwritable(save_observer)
+        settings_file.refuse_unwritable(save_observer)
     observer = tuned.observer
     pose = Pose(pupil_mm, observer.defocus_d, openness, observer.ocular_dynamics.lashes)
     subject = Subject(observer, pose, tuned.glare.model, adaptation, spectrum, wavelengths)
     results.run(subject, results.Wanted(size_px, field_deg, sheets, film), out, console)
     if save_observer is not None:
-        observer_file.write(save_observer, tuned)
+        settings_file.write(save_observer, tuned)
         console.print(f"wrote [b]{escape(str(save_observer))}[/b]: use it with --settings", soft_wrap=True)

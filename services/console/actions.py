@@ -13,6 +13,7 @@ import msgspec
 from msgspec.structs import replace
 
 from entoptic.errors import EntopticError
+from entoptic.services import settings as settings_file
 from entoptic.services.calibration.page import Screens
 from entoptic.services.console import listing, requests
 from entoptic.services.console.live import Live
@@ -21,7 +22,6 @@ from entoptic.services.console.viewers import Page
 from entoptic.services.control import PATIENCE_MS
 from entoptic.services.live import requests as asked
 from entoptic.services.live.addresses import Addresses
-from entoptic.services.psf import observer_file
 from entoptic.services.settings import Settings, changed
 from entoptic.tracker_bridge.access import ClientKeys
 
@@ -151,7 +151,7 @@ class Actions:
 
         def write() -> None:
             path.parent.mkdir(parents=True, exist_ok=True)
-            observer_file.write(path, settings)
+            settings_file.write(path, settings)
 
         await self._aside(write)
         if self._live.settings is settings:

@@ -20,8 +20,8 @@ from msgspec.structs import replace
 
 from entoptic.atomic_file import write_json
 from entoptic.errors import EntopticError, OutputError
+from entoptic.services import settings as settings_file
 from entoptic.services.live.supervision import Gap
-from entoptic.services.psf import observer_file
 from entoptic.services.results import session_file
 from entoptic.services.results.finish import finish as finish_frames
 from entoptic.services.results.folder import ResultsFolderError, keep, refuse_foreign
@@ -73,7 +73,7 @@ def make(final: Path, opened: OpenedSession) -> Path:
     """
     folder = _make(final)
     try:
-        observer_file.write(folder / "settings.toml", opened.config.settings)
+        settings_file.write(folder / "settings.toml", opened.config.settings)
         session_file.of_session(opened, "live").write(folder)
     except (OSError, OutputError) as error:
         shutil.rmtree(folder, ignore_errors=True)

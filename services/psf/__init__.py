@@ -6,6 +6,5 @@ picture.py        the colour picture: light per steradian, log-compressed, on an
 plots.py          psf.png, pupil_plane.png, profiles.png
 sheets.py         pictures side by side, in which one thing differs; layout.py puts them together
 film.py           the eye in motion
-observer_file.py  the tuned observer as a settings file
 results.py        all that the command writes
 """

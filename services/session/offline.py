@@ -19,12 +19,12 @@ from entoptic.atomic_file import write_json
 from entoptic.pipeline.budget import SHIPPED
 from entoptic.pipeline.scenes import Head
 from entoptic.pipeline.scenes.head_path import open_head_path
+from entoptic.services import settings as settings_file
 from entoptic.services import simulated_light
 from entoptic.services.bridge.tables import Tables
 from entoptic.services.eye_data import SIMULATED_SECONDS, open_eyes
 from entoptic.services.live import takes
 from entoptic.services.process import Stop
-from entoptic.services.psf import observer_file
 from entoptic.services.rendering import Rendering, frames_known, gaze_deg, kicks_of
 from entoptic.services.report import page as report
 from entoptic.services.results import session_file
@@ -70,7 +70,7 @@ def keep(opened: OpenedSession, final: Path, stop: Stop, console: Console) -> Ou
     Raises StoppedError, ResultsFolderError, and what source and scene raise; then no folder is left.
     """
     with results_folder(final) as folder:
-        observer_file.write(folder / "settings.toml", opened.config.settings)
+        settings_file.write(folder / "settings.toml", opened.config.settings)
         session = session_file.of_session(opened, "offline")
         session.write(folder)
         if (trouble := takes.keep_inputs(folder, opened.config)) is not None:

@@ -7,7 +7,6 @@ import math
 from pathlib import Path
 
 import av
-import msgspec
 import numpy as np
 import OpenImageIO as oiio
 import pytest
@@ -19,10 +18,10 @@ from entoptic.pipeline import GlareModel, Iris, Observer
 from entoptic.pipeline.frame import LUMINANCE_WEIGHTS
 from entoptic.pipeline.optics import analytic, radial
 from entoptic.pipeline.optics.aperture import Pose
-from entoptic.services.psf import film, layout, observer_file, profile, results, sheets
+from entoptic.services.psf import film, layout, profile, results, sheets
 from entoptic.services.psf.picture import SCALE, Scale, displayed, radiance
 from entoptic.services.psf.subject import Subject
-from entoptic.services.settings import Settings, SettingsError, load
+from entoptic.services.settings import Settings, SettingsError, changed, load, refuse_unwritable, write
 
 CLEAR = Observer(particles=0, gratings=0, cornea_cells=0, vitreous_particles=0)
 AIRY = Subject(CLEAR, Pose(5.0))
@@ -217,37 +216,14 @@ observers = st.builds(
 
 
 @given(observers, st.booleans(), st.sampled_from(GlareModel))
-def test_a_saved_observer_is_read_as_it_was(
+def test_saved_settings_are_read_as_they_were(
     tmp_path_factory: pytest.TempPathFactory, observer: Observer, lashes: bool, model: GlareModel
 ) -> None:
     path = tmp_path_factory.mktemp("observer") / "my_eye.toml"
-    changes = {name: value for name, value in msgspec.to_builtins(observer).items() if name != "ocular_dynamics"}
-    tuned = observer_file.tuned(Settings(), changes, lashes=lashes, model=model.value)
-    assert msgspec.structs.replace(tuned.observer, ocular_dynamics=observer.ocular_dynamics) == observer
-    assert (tuned.observer.ocular_dynamics.lashes, tuned.glare.model) == (lashes, model)
-    observer_file.write(path, tuned)
+    changes = {"observer.ocular_dynamics.lashes": lashes, "glare.model": model.value}
+    tuned = changed(Settings(observer=observer), changes)
+    write(path, tuned)
     assert load(path) == tuned
-
-
-def test_what_is_not_tuned_stays() -> None:
-    settings = observer_file.tuned(Settings(), {"age_years": 61.0}, lashes=None, model=None)
-    nothing = dict.fromkeys(Observer.__struct_fields__)
-    assert observer_file.tuned(settings, nothing, lashes=None, model=None) == settings
-    assert settings.observer.age_years == 61
-
-
-@pytest.mark.parametrize(
-    ("changes", "model", "named"),
-    [
-        ({"iris": "pink"}, None, "pink.*--iris is one of dark, brown"),
-        ({}, "bloom", "bloom.*--model one of wave"),
-        ({"age_years": -3.0}, None, r"observer\.age_years"),
-        ({"agee_years": 3.0}, None, "agee_years"),
-    ],
-)
-def test_a_bad_value_is_named(changes: dict[str, object], model: str | None, named: str) -> None:
-    with pytest.raises(SettingsError, match=named):
-        observer_file.tuned(Settings(), changes, lashes=None, model=model)
 
 
 @pytest.mark.parametrize(
@@ -256,7 +232,7 @@ def test_a_bad_value_is_named(changes: dict[str, object], model: str | None, nam
 def test_an_observers_file_must_have_a_place(tmp_path: Path, name: str, named: str) -> None:
     (tmp_path / "d.toml").mkdir()
     with pytest.raises(SettingsError, match=named):
-        observer_file.refuse_unwritable(tmp_path / name)
+        refuse_unwritable(tmp_path / name)
 
 
 def test_all_that_is_written_of_an_eye(tmp_path: Path) -> None:

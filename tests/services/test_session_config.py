@@ -87,7 +87,7 @@ def test_by_json_by_the_command_line_and_by_the_form_it_is_the_same(eyes: dict[s
 
 
 def test_settings_go_along_and_what_is_unknown_is_refused_with_its_path() -> None:
-    made = by_command_line(["--set", "observer.age_years=61", "--set", "glare.level=veil", "--budget-ms", "20"])
+    made = by_command_line(["--set", "age_years = 61", "--set", "glare.level=veil", "--budget-ms", "20"])
     assert made.settings == changed(
         Settings(), {"observer.age_years": 61, "glare.level": "veil", "plan.budget_ms": 20.0}
     )
@@ -109,6 +109,8 @@ def test_settings_go_along_and_what_is_unknown_is_refused_with_its_path() -> Non
         ("observer.age=3", "no setting 'observer.age'; is it observer.age_years"),
         ("observer.age_years=500", r"<= 120.*observer\.age_years"),
         ("observer=3", "no setting 'observer'"),
+        ("seed=3", "more than one setting: give one of rod_noise.seed, observer.seed"),
+        ("iris=pink", "pink.*it may be dark, brown"),
     ],
 )
 def test_a_setting_that_cannot_be_is_named(change: str, said: str) -> None:

@@ -36,7 +36,7 @@ def entoptic(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.Cap
 
 @pytest.mark.slow
 def test_an_eye_is_shown_saved_and_taken_up_again(tmp_path: Path, entoptic: Done) -> None:
-    tuned = ("--pupil-mm", "6", "--age", "61", "--iris", "blue", "--particles", "2000", "--seed", "5")
+    tuned = ("--pupil-mm=6", "--set=age_years=61", "--set=iris=blue", "--set=particles=2000", "--set=observer.seed=5")
     done = subprocess.run(
         [sys.executable, "-m", "entoptic", *SMALL, *tuned, "--out", "one", "--save-observer", "my_eye.toml"],
         cwd=tmp_path,
@@ -65,11 +65,11 @@ def test_an_eye_is_shown_saved_and_taken_up_again(tmp_path: Path, entoptic: Done
     [
         (("--spectrum", "nowhere.csv"), 1, "nowhere.csv"),
         (("--spectrum", "moonshine"), 1, "moonshine"),
-        (("--iris", "pink"), 1, "pink"),
-        (("--model", "bloom"), 1, "bloom"),
+        (("--set", "iris=pink"), 1, "pink"),
+        (("--set", "glare.model=bloom"), 1, "bloom"),
         (("--settings", "nowhere.toml"), 1, "nowhere.toml"),
         (("--save-observer", "no/my_eye.toml"), 1, "no/my_eye.toml"),
-        (("--particles", "400", "--particle-mm", "0.5"), 1, "block"),
+        (("--set", "particles=400", "--set", "particle_mm=0.5"), 1, "block"),
         (("--pupil-mm", "9"), 2, "--pupil-mm"),
         (("--film", "nan"), 2, "--film"),
     ],
