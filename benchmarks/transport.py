@@ -30,10 +30,6 @@ FILL = 40_000
 """States that fill all queues of a stalled reader."""
 
 
-def never() -> bool:
-    return False
-
-
 def state(sequence: int, t_ns: int) -> EyeState:
     one = OneEyeState(Phase.TRACKING, 4.1, 4.2, 0.97, 0.9, Direction(1.5, -2.5, t_ns), t_ns)
     return EyeState(sequence, t_ns, one, one, Direction(1.5, -2.5, t_ns), 250_000)

@@ -83,16 +83,6 @@ def larson_ratio(others_per_x: Values) -> Values:
     return factor * (1 + others_per_x) - offset
 
 
-def larson_scotopic(xyz: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Scotopic luminance guessed from CIE XYZ, shape (..., 3): Y times `larson_ratio`.
-
-    A fit over many lights of unknown spectra; where X is 0 there is no light. Not additive: of two lights together it
-    may be 2/3 of their sum.
-    """
-    x, y, z = np.moveaxis(np.asarray(xyz, dtype=np.float64), -1, 0)
-    return np.where(x > 0, y * larson_ratio((y + z) / np.where(x > 0, x, 1)), 0.0)
-
-
 def _coefficient(mesopic_cd_m2_: float) -> float:
     # 1e-30 stands for black.
     return min(max(A + B * math.log10(max(mesopic_cd_m2_, 1e-30)), 0.0), 1.0)

@@ -151,14 +151,6 @@ def ijspeert(deg: Angles, pupil_mm: float, age_years: float, straylight: float) 
     return density
 
 
-def airy(deg: Angles, pupil_mm: float, wavelength_nm: float) -> Angles:
-    """Airy's pattern of a clear, focused pupil; small angles."""
-    size = math.pi * pupil_mm * 1e-3 / (wavelength_nm * 1e-9)
-    x = size * np.radians(deg)
-    jinc = np.divide(2 * special.j1(x), x, out=np.ones_like(x), where=x != 0)
-    return size**2 / (4 * math.pi) * jinc**2
-
-
 def diffraction_mtf(cpd: ArrayLike, pupil_mm: float, wavelength_nm: float) -> Angles:
     """Transfer function of a clear, focused pupil: 0 beyond the cut-off of D/λ cycles per radian."""
     cut_off_cpd = math.radians(1) * pupil_mm * 1e-3 / (wavelength_nm * 1e-9)

@@ -65,11 +65,6 @@ def legal_pupil_mm(pupil_mm: float) -> float:
     return min(max(low, pupil_mm), high)
 
 
-def pupil_disc(diameter_m: float, n: int) -> Float[Array, "n n"]:
-    """A clear pupil of any diameter: the covered share of each sample, 1 inside and 0 outside, float32."""
-    return jnp.asarray(coverage.disc(diameter_m, n, PLANE_M / n))
-
-
 def pupil_plane(observer: Observer, pose: Pose, n: int = 2048) -> Complex[Array, "n n"]:
     """Complex transmittance of everything in this observer's eye at this moment, in focus; complex64.
 

@@ -25,8 +25,6 @@ VITREOUS_INDEX = 1.336
 IMAGE_DISTANCE_M = 20.4e-3
 """Over which a wave in focus converges: from the pupil, 3.6 mm behind the cornea, to the retina at 24 mm (Gullstrand
 1909). The pupil and its images by cornea and lens, 13 and 3 % wider, are taken as one."""
-PAPERS_DISTANCE_M = 24e-3
-"""Pupil to retina in the papers' Fresnel term (RIT 3, LUI 5.6)."""
 
 
 def bin_deg(wavelength_nm: float) -> float:
@@ -63,25 +61,6 @@ def defocus(
             f"not {defocus_d:.2f} D: use {_finer(n, abs(defocus_d) / limit)} samples a side or a narrower pupil"
         )
     return _quadratic(n, defocus_d / wavelength_m)
-
-
-def lensless_phase(
-    n: int, diameter_m: float, wavelength_nm: float = WAVELENGTH_NM, distance_m: float = PAPERS_DISTANCE_M
-) -> Complex[np.ndarray, "n n"]:
-    """The papers' Fresnel term, exp(iπ·r²/(λ·d)): an eye without its lens (RIT 3, LUI 5.6; erratum E8). complex64.
-
-    It is a defocus of 1/d: 42 D at d = 24 mm. Raises OpticsError where that turns by half a cycle or more between
-    samples at the pupil's edge, which over the whole plane it does at every size that the papers use.
-    """
-    wavelength_m = wavelength_nm * 1e-9
-    cycles = PLANE_M / n * (diameter_m / 2) / (wavelength_m * distance_m)
-    if cycles >= 0.5:
-        raise OpticsError(
-            f"without a lens the phase turns by {cycles:.2f} cycles a sample at the edge of a {diameter_m * 1e3:.2f} "
-            f"mm pupil on a {n}×{n} plane, and 0.5 cannot be told apart from −0.5: use {_finer(n, 2 * cycles)} samples "
-            "a side, a narrower pupil, or defocus in dioptres"
-        )
-    return _quadratic(n, 1 / (wavelength_m * distance_m))
 
 
 def _finer(n: int, factor: float) -> int:

@@ -75,22 +75,13 @@ def _light(density: Density, low_deg: Angles, high_deg: Angles, radius: Density)
     return 2 * math.pi * SR_PER_DEG2 * (density(deg) * radius(deg) * wide) @ weights
 
 
-def _encircled(density: Density, deg: ArrayLike, radius: Density) -> Angles:
-    edges = _edges_deg()
-    within = np.concatenate([[0.0], np.cumsum(_light(density, edges[:-1], edges[1:], radius))])
-    angle = np.clip(np.asarray(deg, np.float64), 0.0, EDGE_DEG)
-    below = np.searchsorted(edges, angle, side="right") - 1
-    return within[below] + _light(density, edges[below], angle, radius)
-
-
 def encircled(density: Density, deg: ArrayLike) -> Angles:
     """Light within angles from the axis, over the sphere."""
-    return _encircled(density, deg, _sphere)
-
-
-def flat_encircled(density: Density, deg: ArrayLike) -> Angles:
-    """Light within angles from the axis, over a flat plane: what the pixels of a kernel cut there add up to."""
-    return _encircled(density, deg, _flat)
+    edges = _edges_deg()
+    within = np.concatenate([[0.0], np.cumsum(_light(density, edges[:-1], edges[1:], _sphere))])
+    angle = np.clip(np.asarray(deg, np.float64), 0.0, EDGE_DEG)
+    below = np.searchsorted(edges, angle, side="right") - 1
+    return within[below] + _light(density, edges[below], angle, _sphere)
 
 
 def hemisphere_volume(density: Density) -> float:
@@ -121,7 +112,7 @@ def pixel_integrated(density: Density, ppd: float, rows_radius_px: int, columns_
     """Share of a point's light that each pixel around it gets, on a flat plane at `ppd` pixels per degree.
 
     The point is in the middle of the array's central pixel; the sides are 2·radius + 1. Pixels add up to
-    `flat_encircled` of the area they cover, to 1e-6 of it and better, whatever the width of the core.
+    the light of the area they cover, to 1e-6 of it and better, whatever the width of the core.
 
     A radial density f is the divergence of the field G(r)/r² · (x, y), where G(r) is the integral of f r dr. So a
     pixel's light is the field's flux through its four edges, and each edge is one integral of G over its azimuth; it

@@ -87,16 +87,11 @@ def tapered(psf: NDArray[np.floating], taper: tuple[float, float]) -> NDArray[np
     """A point-spread function within a round field, its sum unchanged.
 
     The field ends smoothly between two shares of its radius n/2: the angle grows with the wavelength as all else. What
-    lay outside (`share_outside`) is light that an FFT folds back from beyond the field, so it is none of the corners'.
+    lay outside is light that an FFT folds back from beyond the field, so it is none of the corners'.
     """
     inside = psf * _field(len(psf), taper, psf.dtype)
     inside *= _sum(psf) / _sum(inside)
     return inside
-
-
-def share_outside(psf: NDArray[np.floating], taper: tuple[float, float]) -> float:
-    """The share of the light that a taper takes from the field's edge and spreads over the rest."""
-    return 1 - _sum(psf * _field(len(psf), taper, psf.dtype)) / _sum(psf)
 
 
 def _sum(psf: NDArray[np.floating]) -> float:

@@ -68,11 +68,6 @@ def density(within: Encircled, low_deg: Angles, high_deg: Angles) -> Angles:
     return (within(high) - within(low)) / solid_angle
 
 
-def whole_profile(subject: Subject, nm: float) -> Angles:
-    """Light per steradian at one wavelength, in a ring around each of THETA_DEG, from the centre to 90°."""
-    return density(encircled(subject, nm), *_ring_edges())
-
-
 def ratios(subject: Subject, other: Subject) -> Angles:
     """Luminous light per steradian of one eye over another's, at RATIOS_DEG."""
     at = np.array(RATIOS_DEG)

@@ -156,8 +156,8 @@ def test_the_curves_are_inverted_exactly(peak_cd_m2: float) -> None:
 
 def test_larsons_scotopic_luminance_of_d65() -> None:
     """1.33·(1 + (Y + Z)/X) − 1.68, with X and Z the right way round (E4)."""
-    white = np.array([0.9505, 1.0, 1.089])
-    assert float(mesopic.larson_scotopic(white)) == pytest.approx(2.573, abs=1e-3)
+    x, y, z = 0.9505, 1.0, 1.089
+    assert y * float(mesopic.larson_ratio((y + z) / x)) == pytest.approx(2.573, abs=1e-3)
 
 
 @pytest.mark.parametrize(("y", "cpd"), [(1e-3, 3.007), (0.1, 11.75), (1.0, 31.53), (100.0, 47.51)])

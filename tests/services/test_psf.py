@@ -10,6 +10,7 @@ import av
 import numpy as np
 import OpenImageIO as oiio
 import pytest
+from clear_pupil import airy
 from hypothesis import given
 from hypothesis import strategies as st
 from rich.console import Console
@@ -37,9 +38,9 @@ def core_within(subject: Subject, nm: float, deg: np.ndarray) -> np.ndarray:
 
 def test_a_clear_eye_is_airys() -> None:
     deg = np.geomspace(0.001, 0.3, 60)
-    airy = radial.encircled(lambda at: analytic.airy(at, 5.0, 575.0), deg)
+    expected = radial.encircled(lambda at: airy(at, 5.0, 575.0), deg)
     # What Airy's pattern has beyond the field is the core's too.
-    np.testing.assert_allclose(core_within(AIRY, 575.0, deg), airy, atol=0.004)
+    np.testing.assert_allclose(core_within(AIRY, 575.0, deg), expected, atol=0.004)
 
 
 @pytest.mark.parametrize("model", GlareModel)
@@ -53,10 +54,14 @@ def test_all_light_lies_within_90_degrees(model: GlareModel) -> None:
         assert within[-1] == pytest.approx(1, abs=1e-3 if model is GlareModel.SPE else 1e-5)
 
 
+def whole_profile(nm: float) -> np.ndarray:
+    return profile.density(profile.encircled(EYE, nm), *profile._ring_edges())
+
+
 def test_the_rings_of_a_profile_hold_all_light() -> None:
     low, high = profile._ring_edges()
     solid_angle = 2 * math.pi * (np.cos(np.radians(low)) - np.cos(np.radians(high)))
-    assert (profile.whole_profile(EYE, 550.0) * solid_angle).sum() == pytest.approx(1, abs=1e-5)
+    assert (whole_profile(550.0) * solid_angle).sum() == pytest.approx(1, abs=1e-5)
     assert (low <= profile.THETA_DEG).all()
     assert (high >= profile.THETA_DEG).all()
 
@@ -64,7 +69,7 @@ def test_the_rings_of_a_profile_hold_all_light() -> None:
 @pytest.mark.parametrize("nm", [450.0, 568.0, 650.0])
 def test_the_halo_lies_at_three_degrees_and_grows_with_the_wavelength(nm: float) -> None:
     halo = (profile.THETA_DEG > 1.8) & (profile.THETA_DEG < 4)
-    brightest = profile.THETA_DEG[halo][profile.whole_profile(EYE, nm)[halo].argmax()]
+    brightest = profile.THETA_DEG[halo][whole_profile(nm)[halo].argmax()]
     # Rings are 4.6 % apart.
     assert brightest == pytest.approx(3 * nm / 568, rel=0.04)
 

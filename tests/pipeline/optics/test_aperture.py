@@ -5,6 +5,7 @@ import math
 import jax
 import numpy as np
 import pytest
+from clear_pupil import pupil_disc
 
 from entoptic.pipeline.observer import Observer
 from entoptic.pipeline.optics import OpticsError, aperture, lens
@@ -22,7 +23,7 @@ def plane(pose: Pose, n: int = N, **parts: int) -> np.ndarray:
 
 def test_a_plane_is_the_product_of_its_parts() -> None:
     """So each has a random stream of its own: leaving one out leaves the others where they are."""
-    product = np.asarray(aperture.pupil_disc(8e-3, N)) == 1
+    product = np.asarray(pupil_disc(8e-3, N)) == 1
     inside = product.copy()
     for part, count in PARTS.items():
         product = product * plane(Pose(8.0), **{part: count})

@@ -8,6 +8,7 @@ from collections.abc import Callable
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from clear_pupil import pupil_disc
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.optimize import brentq
@@ -41,7 +42,7 @@ def psf_of(plane: np.ndarray) -> np.ndarray:
 
 @functools.cache
 def disc(diameter_mm: float) -> np.ndarray:
-    return np.asarray(aperture.pupil_disc(diameter_mm * 1e-3, N), np.float64)
+    return np.asarray(pupil_disc(diameter_mm * 1e-3, N), np.float64)
 
 
 def amplitude_of(diameter_mm: float) -> Callable[[float], float]:
@@ -90,7 +91,7 @@ def test_full_width_at_half_maximum(diameter_mm: float) -> None:
 def test_encircled_energy_at_the_dark_rings(diameter_mm: float) -> None:
     """An empty margin around the plane makes samples finer. The light on the axis says how much there is in all."""
     n, finer = 256, 8
-    plane = np.pad(np.asarray(aperture.pupil_disc(diameter_mm * 1e-3, n), np.complex64), n * (finer - 1) // 2)
+    plane = np.pad(np.asarray(pupil_disc(diameter_mm * 1e-3, n), np.complex64), n * (finer - 1) // 2)
     psf = np.asarray(diffraction.point_spread(jnp.asarray(plane)))
     lambda_over_d = finer * PLANE_M / (diameter_mm * 1e-3)
     middle = slice(len(psf) // 2 - 200, len(psf) // 2 + 201)
@@ -221,26 +222,6 @@ def _named(refused: pytest.ExceptionInfo[OpticsError]) -> int:
     found = re.search(r"use (\d+) samples", str(refused.value))
     assert found
     return int(found[1])
-
-
-@pytest.mark.parametrize("n", [256, 512, 1024, 2048, 4096])
-def test_the_papers_phase_is_refused_at_every_size_they_use(n: int) -> None:
-    with pytest.raises(OpticsError, match="without a lens") as refused:
-        diffraction.lensless_phase(n, PLANE_M)
-    needed = _named(refused)
-    assert PLANE_M / needed * PLANE_M / 2 / (575e-9 * 24e-3) < 0.5
-    assert PLANE_M / (needed - 4) * PLANE_M / 2 / (575e-9 * 24e-3) > 0.5
-
-
-def test_the_papers_phase_is_that_of_an_eye_without_its_lens() -> None:
-    """1/24 mm = 41.7 D of defocus, where the grid samples it."""
-    n, diameter_m = 1024, 1e-3
-    with pytest.raises(OpticsError):
-        diffraction.lensless_phase(512, diameter_m)
-    y, x = grid_m(n)
-    inside = np.hypot(x, y) < diameter_m / 2
-    lensless = diffraction.lensless_phase(n, diameter_m)
-    assert apart(lensless[inside], diffraction.defocus(n, 1 / 24e-3, diameter_m)[inside]) < 1e-5
 
 
 def random_planes(n: int, count: int) -> list[np.ndarray]:

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 import scipy.fft
+from clear_pupil import pupil_disc
 
 from entoptic.pipeline.observer import Observer
 from entoptic.pipeline.optics import OpticsError, aperture, coverage, lens, lens_springs
@@ -29,7 +30,7 @@ def test_the_halo_is_a_ring_at_three_degrees_for_568_nm_and_has_spencers_share()
     away = off_axis_deg()
     ring = (away > 2) & (away < 4)
     bins = (away[ring] / DEG_AT_575).astype(int)
-    clear = spread(aperture.pupil_disc(7e-3, N))[ring].sum()
+    clear = spread(pupil_disc(7e-3, N))[ring].sum()
     shares = []
     for seed in range(4):
         eye = spread(aperture.pupil_plane(Observer(seed=seed, **FIBRES), Pose(7.0), N))
