@@ -33,10 +33,10 @@ from entoptic.services.config import (
     ViewConfig,
     WorkerLinks,
 )
-from entoptic.services.live import messages
-from entoptic.services.live.addresses import free_addresses
+from entoptic.services.ipc import messages
+from entoptic.services.ipc.addresses import free_addresses
+from entoptic.services.ipc.messages import SHOWN, Shown
 from entoptic.services.live.children import Child
-from entoptic.services.live.messages import SHOWN, Shown
 from entoptic.services.session_config import WorkerConfig
 
 READY_WITHIN_S = 240.0

@@ -10,14 +10,14 @@ import msgspec
 import structlog
 
 from entoptic.services import keys as key_files
-from entoptic.services.bridge.desk import BridgeDesk
+from entoptic.services.bridge.handler import BridgeHandler
 from entoptic.services.bridge.pupil_calibration import PupilCalibration
 from entoptic.services.bridge.scene_light import SceneLight
 from entoptic.services.bridge.tables import Tables
 from entoptic.services.config import BridgeConfig
-from entoptic.services.control import Control
 from entoptic.services.eye_data import ROOM_CD_M2, open_eyes, open_live_eyes
-from entoptic.services.live.requests import BridgeRequest
+from entoptic.services.ipc.handler import RequestHandler
+from entoptic.services.ipc.requests import BridgeRequest
 from entoptic.services.process import Stop
 from entoptic.tracker_bridge import bridge
 from entoptic.tracker_bridge import pupil_map as pupil_maps
@@ -52,7 +52,7 @@ def run(config: BridgeConfig, stop: Stop, log: structlog.typing.FilteringBoundLo
     with contextlib.ExitStack() as opened:
         opened.callback(publisher.close, LIVE_LINGER_MS if live else LINGER_MS)
         chain = Chain(live=live, lane=config.eyes.latency_mode, pupil_map=pupil_map)
-        desk = BridgeDesk(
+        handler = BridgeHandler(
             source,
             chain,
             publisher,
@@ -60,10 +60,12 @@ def run(config: BridgeConfig, stop: Stop, log: structlog.typing.FilteringBoundLo
             in_session=config.live,
             pupil_map=None if config.eyes.pupil_map is None else Path(config.eyes.pupil_map),
         )
-        opened.callback(desk.close)
-        control: Control[BridgeRequest] = Control(config.control, BridgeRequest, desk.answer, keys, publisher.context)
+        opened.callback(handler.close)
+        control: RequestHandler[BridgeRequest] = RequestHandler(
+            config.control, BridgeRequest, handler.answer, keys, publisher.context
+        )
         opened.callback(control.close)
-        places = _open_session(source, desk, config, keys, publisher) if config.live else {}
+        places = _open_session(source, handler, config, keys, publisher) if config.live else {}
         on_record = opened.enter_context(_tables(config.tables))
         states_at, events_at = publisher.addresses
         log.info(
@@ -75,11 +77,11 @@ def run(config: BridgeConfig, stop: Stop, log: structlog.typing.FilteringBoundLo
 
         def take_in(item: Item) -> None:
             on_item(item)
-            desk.item(item)
+            handler.item(item)
 
         def note(record: EyeState | Event) -> None:
             on_record(record)
-            desk.record(record)
+            handler.record(record)
             if live and not isinstance(record, (EyeState, *QUIET)):
                 log.info(type(record).__name__, **msgspec.to_builtins(record))
 
@@ -117,7 +119,7 @@ def _open(config: BridgeConfig) -> Source:
 
 
 def _open_session(
-    source: Source, desk: BridgeDesk, config: BridgeConfig, keys: ServerKeys | None, publisher: Publisher
+    source: Source, handler: BridgeHandler, config: BridgeConfig, keys: ServerKeys | None, publisher: Publisher
 ) -> dict[str, object]:
     """Opens what a live session has beside; what is to be logged of it."""
     places: dict[str, object] = {}
@@ -125,7 +127,7 @@ def _open_session(
         places["begun_ns"] = source.info.t_start_ns
     eyes = source if isinstance(source, EndlessEyes) else None
     if config.screens is not None and config.answers is not None:
-        desk.calibration = PupilCalibration(
+        handler.calibration = PupilCalibration(
             config.screens,
             config.answers,
             source.info.name,
@@ -134,14 +136,14 @@ def _open_session(
             eyes=eyes,
             scene_cd_m2=ROOM_CD_M2,
         )
-        places["screens"], places["answers"] = desk.calibration.addresses
+        places["screens"], places["answers"] = handler.calibration.addresses
     if config.sees is not None:
         reader_keys = None if config.reader_keys is None else key_files.load_client(Path(config.reader_keys))
-        desk.light = SceneLight(config.sees, reader_keys, publisher.context)
+        handler.light = SceneLight(config.sees, reader_keys, publisher.context)
         # A pupil that starts in another light than it had would wander for seconds.
-        light = desk.light.newest(LIGHT_WITHIN_MS if config.begun_ns is not None else 0)
+        light = handler.light.newest(LIGHT_WITHIN_MS if config.begun_ns is not None else 0)
         if light is not None:
-            desk.shine(light)
+            handler.shine(light)
     return places
 
 

@@ -22,8 +22,8 @@ from entoptic.services.calibration import run as calibrate
 from entoptic.services.calibration.display import SocketDisplay
 from entoptic.services.calibration.result import refuse_unwritable
 from entoptic.services.calibration.run import CalibrationRun, Lit, Room
-from entoptic.services.control import Reply
-from entoptic.services.live.requests import CalibratePupils
+from entoptic.services.ipc.client import Reply
+from entoptic.services.ipc.requests import CalibratePupils
 from entoptic.tracker_bridge.access import ServerKeys
 from entoptic.tracker_bridge.calibration import CalibrationError, Stage
 from entoptic.tracker_bridge.calibration_quality import REMEDIES, Failure

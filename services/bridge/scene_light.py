@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import zmq
 
-from entoptic.services.live.messages import SHOWN, MessageError, Shown, decode
+from entoptic.services.ipc.messages import SHOWN, MessageError, Shown, decode
 from entoptic.tracker_bridge.access import ClientKeys
 from entoptic.tracker_bridge.publisher import KEEPALIVE
 from entoptic.tracker_bridge.source import SourceError

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import Protocol, runtime_checkable
 
-from entoptic.services.control import Reply
-from entoptic.services.live.requests import (
+from entoptic.services.ipc.client import Reply
+from entoptic.services.ipc.requests import (
     StartCalibration,
     StartRecording,
     StopCalibration,

@@ -23,7 +23,7 @@ from typing import Protocol
 import msgspec
 import zmq
 
-from entoptic.services.live.door import Door
+from entoptic.services.ipc.authenticator import Authenticator
 from entoptic.tracker_bridge.access import ServerKeys, refuse_open
 from entoptic.tracker_bridge.calibration import ShowScreen
 from entoptic.tracker_bridge.clock import RoundTripClock
@@ -158,7 +158,7 @@ class SocketDisplay:
         if context is None:
             context = self._own_context = zmq.Context()
             if keys is not None:
-                Door(context, keys)
+                Authenticator(context, keys)
         self._context = context
         bell_address = f"inproc://calibration-bell-{id(self)}"
         try:

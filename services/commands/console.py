@@ -13,7 +13,7 @@ def console(page: PageConfig, folders: FoldersConfig) -> None:
     """Serve a page from which sessions are started, watched, calibrated and recorded, until Ctrl-C."""
     stop = Stop().on_signals()
     prepare_jax(renders=False)
-    from entoptic.services.live import attended
+    from entoptic.services.live import foreground
     from entoptic.services.live.web import Web
 
-    attended.idle(Web(page, folders), stop, terminal)
+    foreground.idle(Web(page, folders), stop, terminal)

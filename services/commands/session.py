@@ -69,10 +69,10 @@ def session(
             f"{opened.view.width_px}×{opened.view.height_px} px per eye"
         )
         if live:
-            from entoptic.services.live import attended
+            from entoptic.services.live import foreground
             from entoptic.services.live.web import Web
 
-            raise typer.Exit(attended.session(opened, final, Web(page) if in_browser else None, stop, console))
+            raise typer.Exit(foreground.session(opened, final, Web(page) if in_browser else None, stop, console))
         from entoptic.services.session import offline
 
         outcome = offline.keep(opened, final, stop, console)

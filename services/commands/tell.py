@@ -33,9 +33,9 @@ def tell(
     """Have a bridge's tracker start or stop a recording, or its own gaze calibration."""
     import msgspec
 
-    from entoptic.services import control
     from entoptic.services import keys as key_files
-    from entoptic.services.live.requests import TrackerRequest
+    from entoptic.services.ipc import client as control
+    from entoptic.services.ipc.requests import TrackerRequest
 
     if name and task is not Task.START_RECORDING:
         raise typer.BadParameter("only a recording that starts is given a name", param_hint="--name")

@@ -10,7 +10,7 @@ import msgspec
 from entoptic.errors import EntopticError
 from entoptic.services.console.live import Places
 from entoptic.services.console.security import Rules, new_token
-from entoptic.services.live.addresses import Addresses
+from entoptic.services.ipc.addresses import Addresses
 from entoptic.tracker_bridge.access import ClientKeys, is_local
 
 LEAST_TOKEN = 16

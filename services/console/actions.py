@@ -19,9 +19,9 @@ from entoptic.services.console import listing, requests
 from entoptic.services.console.live import Live
 from entoptic.services.console.protocol import PERCEIVED, Replied
 from entoptic.services.console.viewers import Page
-from entoptic.services.control import PATIENCE_MS
-from entoptic.services.live import requests as asked
-from entoptic.services.live.addresses import Addresses
+from entoptic.services.ipc import requests as asked
+from entoptic.services.ipc.addresses import Addresses
+from entoptic.services.ipc.client import PATIENCE_MS, Client
 from entoptic.services.settings import Settings, changed
 from entoptic.tracker_bridge.access import ClientKeys
 
@@ -188,7 +188,8 @@ class Actions:
     async def _ask(
         self, address: str, request: msgspec.Struct, keys: ClientKeys | None, patience_ms: int = PATIENCE_MS
     ) -> Replied:
-        reply = await self._live.asker.ask(address, request, keys, patience_ms)
+        with Client(address, keys) as client:
+            reply = await client.ask_async(request, patience_ms)
         return Replied(None, reply.done, reply.reply, reply.data)
 
     async def _aside(self, work: Callable[[], Answer]) -> Answer:

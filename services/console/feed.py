@@ -22,9 +22,9 @@ from entoptic.services.console.figures import Figures
 from entoptic.services.console.listening import Listening
 from entoptic.services.console.protocol import EyeTrace, Mark, Marks, ShownNow, Traces
 from entoptic.services.event_feed import EventFeed
-from entoptic.services.live import messages
-from entoptic.services.live.addresses import Addresses
-from entoptic.services.live.messages import SHOWN, MessageError, Shown
+from entoptic.services.ipc import messages
+from entoptic.services.ipc.addresses import Addresses
+from entoptic.services.ipc.messages import SHOWN, MessageError, Shown
 from entoptic.tracker_bridge import wire
 from entoptic.tracker_bridge.access import ClientKeys
 from entoptic.tracker_bridge.wire import NS_PER_S, Event, Eye, EyeState

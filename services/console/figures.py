@@ -8,7 +8,7 @@ import statistics
 import numpy as np
 
 from entoptic.services.console.protocol import Latency
-from entoptic.services.live.messages import LatencyMs, Shown
+from entoptic.services.ipc.messages import LatencyMs, Shown
 from entoptic.tracker_bridge.wire import Eye, EyeState, Phase
 
 RATE_S = 2.0

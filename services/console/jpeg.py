@@ -19,7 +19,7 @@ from PIL import Image
 
 from entoptic.pipeline.effects.encode import P3, PQ_CODES, REC709, REC2020, matrix, pq_cd_m2, srgb_signal
 from entoptic.pipeline.frame import Encoding
-from entoptic.services.live.messages import MessageError, Picture
+from entoptic.services.ipc.messages import MessageError, Picture
 
 QUALITY = 80
 WIDEST_PX = 1600

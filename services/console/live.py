@@ -15,7 +15,6 @@ import msgspec
 import zmq
 
 from entoptic.services.console import protocol
-from entoptic.services.console.asking import Asker
 from entoptic.services.console.feed import Feed, name_of
 from entoptic.services.console.figures import Figures
 from entoptic.services.console.pictures import Pictures
@@ -23,8 +22,9 @@ from entoptic.services.console.problems import problems
 from entoptic.services.console.protocol import Process, Status
 from entoptic.services.console.status import SILENT_S, BridgeSays, HostSays, Snapshot, Watched, WorkerSays, read
 from entoptic.services.console.viewers import Viewers
-from entoptic.services.live.addresses import Addresses
-from entoptic.services.live.requests import GiveStatus
+from entoptic.services.ipc.addresses import Addresses
+from entoptic.services.ipc.client import Client
+from entoptic.services.ipc.requests import GiveStatus
 from entoptic.services.settings import Settings
 from entoptic.tracker_bridge.access import ClientKeys
 
@@ -54,10 +54,9 @@ class Live:
         self.observer: str | None = None
         self._root, self._pool = root, pool
         self._zero_s = time.monotonic()
-        self.asker = Asker()
-        self._host = Watched(self.asker, None)
-        self._bridge = Watched(self.asker, places.bridge_keys)
-        self._worker = Watched(self.asker, places.worker_keys)
+        self._host = Watched(None)
+        self._bridge = Watched(places.bridge_keys)
+        self._worker = Watched(places.worker_keys)
         self._feed: Feed | None = None
         self._pictures: Pictures | None = None
         self._figures = Figures()
@@ -108,7 +107,6 @@ class Live:
     def close(self) -> None:
         """Ends all; from any thread, when the loop has ended."""
         self._stop_reading()
-        self.asker.close()
 
     def _stop_reading(self) -> None:
         for each in (self._feed, self._pictures):
@@ -183,7 +181,7 @@ class Live:
         """Before they are changed: asks the worker if it has not said yet what is in force. Raises ControlError."""
         self._take_over_settings()
         if not self._knows_settings:
-            said = await self.asker.ask(addresses.worker, GiveStatus(), self.places.worker_keys)
+            said = await Client(addresses.worker, self.places.worker_keys).ask_async(GiveStatus())
             self._hear_worker(said.data)
 
     def _hear_worker(self, data: dict[str, Any] | None) -> None:

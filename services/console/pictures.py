@@ -15,8 +15,8 @@ import zmq
 from entoptic.services.console import protocol
 from entoptic.services.console.jpeg import jpeg
 from entoptic.services.console.listening import Listening
-from entoptic.services.live import messages
-from entoptic.services.live.messages import DISPLAYED, PERCEIVED, MessageError, Picture
+from entoptic.services.ipc import messages
+from entoptic.services.ipc.messages import DISPLAYED, PERCEIVED, MessageError, Picture
 from entoptic.tracker_bridge.access import ClientKeys
 
 SOON_S = 0.15

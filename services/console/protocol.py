@@ -21,7 +21,7 @@ from typing import Any, Final, Literal
 
 import msgspec
 
-from entoptic.services.live.messages import Shown
+from entoptic.services.ipc.messages import Shown
 
 VERSION: Final = 1
 PERCEIVED, DISPLAYED = 1, 2

@@ -9,10 +9,9 @@ from typing import Any, TypeVar
 
 import msgspec
 
-from entoptic.services.console.asking import Asker
-from entoptic.services.control import ControlError
-from entoptic.services.live.addresses import Addresses
-from entoptic.services.live.requests import GiveStatus
+from entoptic.services.ipc.addresses import Addresses
+from entoptic.services.ipc.client import Client, ControlError
+from entoptic.services.ipc.requests import GiveStatus
 from entoptic.tracker_bridge.access import ClientKeys
 
 PERIOD_S = 0.5
@@ -127,8 +126,8 @@ class Snapshot(msgspec.Struct, frozen=True, kw_only=True):
 class Watched:
     """Asks one process for its status, again and again. For one event loop."""
 
-    def __init__(self, asker: Asker, keys: ClientKeys | None) -> None:
-        self._asker, self._keys = asker, keys
+    def __init__(self, keys: ClientKeys | None) -> None:
+        self._keys = keys
         self.data: dict[str, Any] | None = None
         """The last answer; None while there is none, or the last one is too old."""
         self.heard_s = time.monotonic()
@@ -154,6 +153,8 @@ class Watched:
 
     async def _ask(self, address: str) -> dict[str, Any] | None:
         try:
-            return (await self._asker.ask(address, GiveStatus(), self._keys, PATIENCE_MS)).data
+            with Client(address, self._keys) as client:
+                data: dict[str, Any] | None = (await client.ask_async(GiveStatus(), PATIENCE_MS)).data
+                return data
         except ControlError:
             return None

@@ -20,11 +20,12 @@ from typing import Any, Final, Self
 import msgspec
 import zmq
 
-from entoptic.services.control import Control, Reply
+from entoptic.services.ipc.client import Reply
+from entoptic.services.ipc.handler import RequestHandler
+from entoptic.services.ipc.requests import GiveStatus, HostRequest, Record, StartSession, StopRecord, StopSession
 from entoptic.services.live import registry, takes
 from entoptic.services.live.journal import Journal
 from entoptic.services.live.live_session import ENDS_WITHIN_S, LiveSession
-from entoptic.services.live.requests import GiveStatus, HostRequest, Record, StartSession, StopRecord, StopSession
 from entoptic.services.live.supervised import Supervised
 from entoptic.services.live.web import Web
 from entoptic.services.process import Stop
@@ -61,7 +62,9 @@ class Host:
         self._opened.callback(self._context.destroy, linger=0)
         self.journal = Journal()
         self._opened.callback(self.journal.close)
-        self._control: Control[HostRequest] = Control(control_address, HostRequest, self.answer, None, self._context)
+        self._control: RequestHandler[HostRequest] = RequestHandler(
+            control_address, HostRequest, self.answer, None, self._context
+        )
         self._opened.callback(self._control.close)
         self._scratch = self._register()
         self._work = ThreadPoolExecutor(1, "host-work")
@@ -201,7 +204,7 @@ class Host:
         return self.session is not None or not all(one.done() for one in self._checks)
 
     def status(self) -> dict[str, Any]:
-        """As services/live/requests.py's GiveStatus asks for it."""
+        """As services/ipc/requests.py's GiveStatus asks for it."""
         session = self.session or self._last
         now = self.session
         supervised = [*(() if session is None else session.processes), *(() if self._web is None else (self._web,))]

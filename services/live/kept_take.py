@@ -5,8 +5,8 @@ from __future__ import annotations
 import time
 from pathlib import Path
 
-from entoptic.services.live.asking import Asked, Context
-from entoptic.services.live.requests import BeginTake, EndTake
+from entoptic.services.ipc.client import Client, Context
+from entoptic.services.ipc.requests import BeginTake, EndTake
 
 ENDS_WITHIN_S = 60.0
 """A worker that compiles answers late; what it does not keep in that time is not kept."""
@@ -22,7 +22,7 @@ class KeptTake:
         """Zero of the tables' times."""
         self.trouble: str | None = None
         self._context, self._addresses = context, addresses
-        self._asked: dict[str, Asked] = {}
+        self._asked: dict[str, Client] = {}
         self._keeping: set[str] = set()
         self._ends_at_s: float | None = None
         for name in addresses:
@@ -50,16 +50,16 @@ class KeptTake:
     def step(self) -> None:
         """Takes answers."""
         for name, asked in tuple(self._asked.items()):
-            reply = asked.reply()
-            if reply is None:
+            request = asked.request
+            if (reply := asked.poll()) is None:
                 continue
             asked.close()
             del self._asked[name]
-            if isinstance(asked.request, BeginTake) and reply.done:
+            if isinstance(request, BeginTake) and reply.done:
                 self._keeping.add(name)
                 if self._ends_at_s is not None:
                     self._ask(name, EndTake())
-            elif isinstance(asked.request, EndTake):
+            elif isinstance(request, EndTake):
                 self._keeping.discard(name)
             if not reply.done:
                 self.trouble = f"the {name} keeps nothing: {reply.reply}"
@@ -80,4 +80,5 @@ class KeptTake:
             self.lost(name)
 
     def _ask(self, name: str, request: BeginTake | EndTake) -> None:
-        self._asked[name] = Asked(self._context, self._addresses[name], request)
+        self._asked[name] = Client(self._addresses[name], context=self._context)
+        self._asked[name].send(request)

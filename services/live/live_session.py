@@ -17,13 +17,12 @@ from typing import Any, Final
 from msgspec.structs import replace
 
 from entoptic.services.config import BridgeConfig, WorkerLinks
-from entoptic.services.control import Reply
+from entoptic.services.ipc.addresses import free_addresses
+from entoptic.services.ipc.client import Client, Context, Reply
+from entoptic.services.ipc.requests import GiveStatus
 from entoptic.services.live import takes
-from entoptic.services.live.addresses import free_addresses
-from entoptic.services.live.asking import Asked, Context
 from entoptic.services.live.journal import Journal
 from entoptic.services.live.kept_take import KeptTake
-from entoptic.services.live.requests import GiveStatus
 from entoptic.services.live.supervised import Supervised
 from entoptic.services.live.supervision import Gap
 from entoptic.services.results import session_file
@@ -65,7 +64,7 @@ class LiveSession:
         self._noted: tuple[Gap, ...] = ()
         self._record_as: Path | None = None
         self._jobs: list[tuple[Future[Any], Callable[[Any], None]]] = []
-        self._asked: dict[str, Asked] = {}
+        self._asked: dict[str, Client] = {}
         self._ask_at_s = 0.0
         self._ends_at_s: float | None = None
         self._do(takes.prepare_report, lambda nothing: None)
@@ -282,13 +281,14 @@ class LiveSession:
             self._ask_at_s = time.monotonic() + STATUS_EVERY_S
         for one, address in ((self.bridge, self.addresses.bridge), (self.worker, self.addresses.worker)):
             asked = self._asked.get(one.name)
-            if asked is not None and (reply := asked.reply()) is not None:
+            if asked is not None and (reply := asked.poll()) is not None:
                 self.figures[one.name] = reply.data or {}
                 self._forget(one.name)
             elif asked is not None and not one.lives:
                 self._forget(one.name)
             elif asked is None and due and one.is_ready:
-                self._asked[one.name] = Asked(self._context, address, GiveStatus())
+                self._asked[one.name] = Client(address, context=self._context)
+                self._asked[one.name].send(GiveStatus())
 
     def _forget(self, name: str) -> None:
         self._asked.pop(name).close()

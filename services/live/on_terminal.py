@@ -9,8 +9,8 @@ from rich.live import Live
 from rich.markup import escape
 from rich.text import Text
 
+from entoptic.services.ipc.messages import Shown
 from entoptic.services.live.host import Host
-from entoptic.services.live.messages import Shown
 
 EVERY_S = 0.5
 

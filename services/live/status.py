@@ -8,11 +8,11 @@ from typing import Any
 import msgspec
 import zmq
 
-from entoptic.services.control import ControlError, ask
+from entoptic.services.ipc.client import ControlError, ask
+from entoptic.services.ipc.messages import Shown
+from entoptic.services.ipc.requests import GiveStatus
+from entoptic.services.ipc.shown_reader import ShownReader
 from entoptic.services.live import registry
-from entoptic.services.live.messages import Shown
-from entoptic.services.live.requests import GiveStatus
-from entoptic.services.live.watching import Watching
 from entoptic.tracker_bridge.access import ClientKeys
 
 FRAME_WITHIN_MS = 1000
@@ -75,6 +75,6 @@ def _host(running: registry.RunningHost) -> Found:
         return msgspec.structs.replace(found, said=said)
     context: zmq.Context[zmq.Socket[bytes]] = zmq.Context()
     try:
-        return msgspec.structs.replace(found, said=said, shown=Watching(context, frames).newest(FRAME_WITHIN_MS))
+        return msgspec.structs.replace(found, said=said, shown=ShownReader(context, frames).newest(FRAME_WITHIN_MS))
     finally:
         context.destroy(linger=0)

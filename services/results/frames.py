@@ -18,7 +18,7 @@ from entoptic.pipeline.sinks.images import still_path, write_exr, write_png, wri
 from entoptic.pipeline.sinks.video import Encoder, film
 from entoptic.pipeline.sinks.video_parts import Part
 from entoptic.services.config import Save
-from entoptic.services.live.messages import LatencyMs
+from entoptic.services.ipc.messages import LatencyMs
 from entoptic.services.rendering import Rendered
 from entoptic.services.results import kept, moments
 from entoptic.services.results.appended import Appended, row, whole_rows

@@ -12,7 +12,7 @@ import numpy as np
 
 from entoptic.pipeline import EFFECTS
 from entoptic.pipeline.plan import OFF, SKIPPED
-from entoptic.services.live.messages import LatencyMs
+from entoptic.services.ipc.messages import LatencyMs
 from entoptic.services.rendering import Rendered
 from entoptic.services.results.moments import Begun
 from entoptic.tracker_bridge.wire import Eye

@@ -35,7 +35,7 @@ from entoptic.pipeline.effects.tone.show import coefficients
 from entoptic.pipeline.optics import radial
 from entoptic.pipeline.optics.whole import VEIL_DEG
 from entoptic.pipeline.primaries import SUM_WEIGHTS
-from entoptic.services.live.messages import EngineEye, EngineFrame, EngineKernel
+from entoptic.services.ipc.messages import EngineEye, EngineFrame, EngineKernel
 from entoptic.services.rendering import Rendered
 from entoptic.tracker_bridge.wire import Eye, Phase
 

@@ -24,9 +24,9 @@ from entoptic.pipeline.scenes import Head
 from entoptic.pipeline.scenes.head_path import HeadPath, open_head_path
 from entoptic.services import keys as key_files
 from entoptic.services.config import ViewConfig, WorkerLinks
-from entoptic.services.control import Reply
-from entoptic.services.live.messages import LatencyMs
-from entoptic.services.live.requests import BeginTake, EndTake
+from entoptic.services.ipc.client import Reply
+from entoptic.services.ipc.messages import LatencyMs
+from entoptic.services.ipc.requests import BeginTake, EndTake
 from entoptic.services.process import Stop, cache_folder
 from entoptic.services.reader import StateReader
 from entoptic.services.rendering import Rendered, Rendering, frames_known, gaze_deg, kicks_of

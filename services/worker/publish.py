@@ -21,9 +21,9 @@ from zmq.utils.monitor import recv_monitor_message
 from entoptic.pipeline import Display, GlareLevel, as_displayed
 from entoptic.pipeline.effects.glare import GLARE
 from entoptic.pipeline.effects.glare.window import rectangle_px
-from entoptic.services.live import messages
-from entoptic.services.live.door import Door
-from entoptic.services.live.messages import EyeShown, LatencyMs, Picture, Shown, StepShown
+from entoptic.services.ipc import messages
+from entoptic.services.ipc.authenticator import Authenticator
+from entoptic.services.ipc.messages import EyeShown, LatencyMs, Picture, Shown, StepShown
 from entoptic.services.rendering import Rendered
 from entoptic.services.results.frames import side_by_side
 from entoptic.services.settings import Settings
@@ -57,7 +57,7 @@ class LivePublisher:
                 "listen on this machine alone, tcp://127.0.0.1:*"
             )
         self._context: zmq.Context[zmq.Socket[bytes]] = zmq.Context()
-        self._door = None if keys is None else Door(self._context, keys)
+        self._authenticator = None if keys is None else Authenticator(self._context, keys)
         self._socket = self._context.socket(zmq.XPUB)
         for option, value in (
             *KEEPALIVE,
@@ -211,8 +211,8 @@ class LivePublisher:
         self._connections.close(0)
         self._socket.close()
         self._context.term()
-        if self._door is not None:
-            self._door.join()
+        if self._authenticator is not None:
+            self._authenticator.join()
 
 
 def picture(image: np.ndarray, rendered: Rendered, display: Display, t_ns: int) -> Picture:

@@ -21,8 +21,9 @@ import zmq
 
 from entoptic.pipeline import FrameError
 from entoptic.pipeline.effects.tone.own_curve import read_curve
-from entoptic.services.control import Control, Reply
-from entoptic.services.live.requests import BeginTake, EndTake, GiveStatus, Perceive, WorkerRequest
+from entoptic.services.ipc.client import Reply
+from entoptic.services.ipc.handler import RequestHandler
+from entoptic.services.ipc.requests import BeginTake, EndTake, GiveStatus, Perceive, WorkerRequest
 from entoptic.services.settings import Settings
 from entoptic.tracker_bridge.access import ServerKeys
 
@@ -52,7 +53,9 @@ class WorkerRequests:
         """What became of the take when the loop ended."""
         self._over = threading.Event()
         # From here on it is the thread's.
-        self._control: Control[WorkerRequest] = Control(address, WorkerRequest, self._answer, keys, context)
+        self._control: RequestHandler[WorkerRequest] = RequestHandler(
+            address, WorkerRequest, self._answer, keys, context
+        )
         self.address = self._control.address
         """Where requests are to be sent."""
         self._thread = threading.Thread(target=self._listen, name="requests", daemon=True)

@@ -10,7 +10,7 @@ import structlog
 
 from entoptic.errors import EntopticError
 from entoptic.services.config import Save
-from entoptic.services.live.messages import LatencyMs
+from entoptic.services.ipc.messages import LatencyMs
 from entoptic.services.rendering import Rendered
 from entoptic.services.results.finish import write_summary
 from entoptic.services.results.frames import Results

@@ -11,7 +11,7 @@ from typing import NamedTuple
 import msgpack
 
 from entoptic.services.console.requests import RequestError, decode_request
-from entoptic.services.live import messages
+from entoptic.services.ipc import messages
 from entoptic.services.settings import SettingsError
 from entoptic.services.settings import load as load_settings
 from entoptic.tracker_bridge import wire

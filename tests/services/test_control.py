@@ -11,8 +11,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from entoptic.services.bridge.tracker_tasks import told
-from entoptic.services.control import Control, ControlError, Reply, tell
-from entoptic.services.live.requests import (
+from entoptic.services.ipc.client import ControlError, Reply, tell
+from entoptic.services.ipc.handler import RequestHandler
+from entoptic.services.ipc.requests import (
     StartCalibration,
     StartRecording,
     StopCalibration,
@@ -45,8 +46,8 @@ class Tracker:
         self.orders.append("stop calibrating")
 
 
-def control_of(source: object, address: str, context: zmq.Context[zmq.Socket[bytes]]) -> Control[TrackerRequest]:
-    return Control(address, TrackerRequest, functools.partial(told, source), None, context)
+def control_of(source: object, address: str, context: zmq.Context[zmq.Socket[bytes]]) -> RequestHandler[TrackerRequest]:
+    return RequestHandler(address, TrackerRequest, functools.partial(told, source), None, context)
 
 
 class Attended:
@@ -152,7 +153,7 @@ def test_whoever_asks_without_end_does_not_hold_the_bridge_up() -> None:
 
 
 @pytest.fixture(scope="module")
-def unattended() -> Iterator[Control[TrackerRequest]]:
+def unattended() -> Iterator[RequestHandler[TrackerRequest]]:
     with zmq.Context() as context:
         control = control_of(Tracker(), "tcp://127.0.0.1:*", context)
         yield control
@@ -163,5 +164,5 @@ def unattended() -> Iterator[Control[TrackerRequest]]:
     message=st.binary(max_size=200)
     | st.builds(msgspec.msgpack.encode, st.dictionaries(st.text(), st.integers(-(2**63), 2**63) | st.text()))
 )
-def test_any_bytes_get_an_answer(unattended: Control[TrackerRequest], message: bytes) -> None:
+def test_any_bytes_get_an_answer(unattended: RequestHandler[TrackerRequest], message: bytes) -> None:
     assert isinstance(unattended._answer(message), Reply)

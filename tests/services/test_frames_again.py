@@ -20,7 +20,7 @@ from entoptic.pipeline.optics.ocular_dynamics import SaccadeImpulse
 from entoptic.pipeline.scenes import Head, open_scene
 from entoptic.pipeline.sinks.video_parts import Part
 from entoptic.services.config import Eyes, Save, ViewConfig
-from entoptic.services.live.messages import LatencyMs
+from entoptic.services.ipc.messages import LatencyMs
 from entoptic.services.process import Stop
 from entoptic.services.rendering import Rendering
 from entoptic.services.results import finish as takes

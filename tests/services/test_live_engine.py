@@ -15,8 +15,8 @@ from entoptic.pipeline import EyePose, Frame, Glare, GlareLevel, GlareModel, Per
 from entoptic.pipeline.effects.glare import GLARE
 from entoptic.pipeline.effects.glare.kernel import Mixture, component
 from entoptic.pipeline.sinks.images import write_exr
-from entoptic.services.live import messages
-from entoptic.services.live.messages import (
+from entoptic.services.ipc import messages
+from entoptic.services.ipc.messages import (
     EngineFrame,
     EngineKernel,
     EyeShown,

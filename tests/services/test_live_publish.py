@@ -12,8 +12,8 @@ import zmq
 
 from entoptic.pipeline import EyePose, Frame, Glare, GlareLevel, GlareModel, Planning, as_displayed, perceive
 from entoptic.services import keys
-from entoptic.services.live import messages
-from entoptic.services.live.messages import EngineFrame, EngineKernel, LatencyMs, MessageError, Picture, Shown, decode
+from entoptic.services.ipc import messages
+from entoptic.services.ipc.messages import EngineFrame, EngineKernel, LatencyMs, MessageError, Picture, Shown, decode
 from entoptic.services.rendering import Rendered
 from entoptic.services.settings import Settings
 from entoptic.services.worker import publish

@@ -13,7 +13,7 @@ from screen_program import ScreenProgram
 from entoptic.services import keys as key_files
 from entoptic.services.bridge.pupil_calibration import WORKING_OUT, PupilCalibration
 from entoptic.services.calibration.display import READY_WORDS, SocketDisplay
-from entoptic.services.live.requests import CalibratePupils
+from entoptic.services.ipc.requests import CalibratePupils
 from entoptic.tracker_bridge import pupil_map
 from entoptic.tracker_bridge.access import OpenAddressError
 from entoptic.tracker_bridge.chain import Chain

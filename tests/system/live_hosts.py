@@ -17,9 +17,9 @@ import msgspec
 import zmq
 
 from entoptic.services.config import ViewConfig
-from entoptic.services.control import ControlError, Reply, ask
+from entoptic.services.ipc.client import ControlError, Reply, ask
+from entoptic.services.ipc.requests import GiveStatus, StartSession
 from entoptic.services.live.registry import RunningHost
-from entoptic.services.live.requests import GiveStatus, StartSession
 from entoptic.services.results.moments import FILE as MOMENTS
 from entoptic.services.results.moments import Moment, Moments, Resumed
 from entoptic.services.session_config import SessionConfig

@@ -14,8 +14,8 @@ import msgspec
 import pytest
 
 from entoptic.services.config import BridgeConfig, EyesConfig
-from entoptic.services.control import tell
-from entoptic.services.live.requests import StartRecording
+from entoptic.services.ipc.client import tell
+from entoptic.services.ipc.requests import StartRecording
 from entoptic.services.reader import StateReader
 from entoptic.tracker_bridge.events import SourceBack, SourceSilent, TaskOutcome, TrackerTask
 from entoptic.tracker_bridge.samples import PupilSample

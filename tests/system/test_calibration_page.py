@@ -30,7 +30,7 @@ from entoptic.services.bridge.pupil_calibration import PupilCalibration
 from entoptic.services.calibration.display import READY_WORDS, Request, SocketDisplay
 from entoptic.services.calibration.page import PageServer, Screens
 from entoptic.services.calibration.run import CalibrationRun, Recorded, Room, follow, items_now, simulated_eyes
-from entoptic.services.live.requests import CalibratePupils
+from entoptic.services.ipc.requests import CalibratePupils
 from entoptic.tracker_bridge.calibration import Protocol, Screen, Stage, Statistic, Step
 from entoptic.tracker_bridge.publisher import PortInUseError
 

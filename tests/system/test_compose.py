@@ -26,7 +26,7 @@ from websockets.exceptions import ConnectionClosed
 from websockets.sync.client import connect
 
 from entoptic.services.console import protocol
-from entoptic.services.live.addresses import free_addresses
+from entoptic.services.ipc.addresses import free_addresses
 from entoptic.services.process import cache_folder
 
 ROOT = Path(__file__).parents[2]

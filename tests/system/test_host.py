@@ -12,7 +12,7 @@ import pytest
 from live_hosts import SIZE, LiveHost, alive, frames_of, hears_frames, live_host, ports_are_free, until
 
 from entoptic.services.config import EyesConfig, ViewConfig
-from entoptic.services.live.requests import Record, StartSession, StopRecord, StopSession
+from entoptic.services.ipc.requests import Record, StartSession, StopRecord, StopSession
 from entoptic.services.session_config import SessionConfig
 
 ENDS_WITHIN_S = 2.5

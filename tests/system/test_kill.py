@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 from live_hosts import SIZE, alive, frames_of, live_host, ports_are_free, until
 
-from entoptic.services.live.requests import Record, StopRecord
+from entoptic.services.ipc.requests import Record, StopRecord
 
 KILLS = 20
 

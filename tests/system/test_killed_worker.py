@@ -15,9 +15,9 @@ import pytest
 from entoptic.pipeline import Planning
 from entoptic.pipeline.plan import Effect
 from entoptic.services.config import BridgeConfig, Save, ViewConfig, WorkerLinks
-from entoptic.services.control import ControlError, Reply, ask
-from entoptic.services.live.addresses import free_addresses
-from entoptic.services.live.requests import BeginTake, EndTake, GiveStatus, Perceive
+from entoptic.services.ipc.addresses import free_addresses
+from entoptic.services.ipc.client import ControlError, Reply, ask
+from entoptic.services.ipc.requests import BeginTake, EndTake, GiveStatus, Perceive
 from entoptic.services.process import Stop
 from entoptic.services.results import finish as takes
 from entoptic.services.results.moments import Moment, Moments, Resumed

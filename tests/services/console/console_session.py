@@ -19,11 +19,12 @@ from entoptic.services.console.actions import Folders
 from entoptic.services.console.live import Places
 from entoptic.services.console.security import Rules
 from entoptic.services.console.server import Console, Server
-from entoptic.services.control import Control, Reply
-from entoptic.services.live import messages
-from entoptic.services.live.addresses import Addresses
-from entoptic.services.live.messages import DISPLAYED, PERCEIVED, SHOWN, EyeShown, LatencyMs, Picture, Shown, StepShown
-from entoptic.services.live.requests import BridgeRequest, GiveStatus, HostRequest, WorkerRequest
+from entoptic.services.ipc import messages
+from entoptic.services.ipc.addresses import Addresses
+from entoptic.services.ipc.client import Reply
+from entoptic.services.ipc.handler import RequestHandler
+from entoptic.services.ipc.messages import DISPLAYED, PERCEIVED, SHOWN, EyeShown, LatencyMs, Picture, Shown, StepShown
+from entoptic.services.ipc.requests import BridgeRequest, GiveStatus, HostRequest, WorkerRequest
 from entoptic.tracker_bridge.publisher import Publisher
 from entoptic.tracker_bridge.wire import (
     BlinkOffset,
@@ -95,7 +96,7 @@ class MadeUpSession:
         self.wanted: set[bytes] = set()
         kinds = ((BridgeRequest, "bridge_data"), (WorkerRequest, "worker_data"), (HostRequest, "host_data"))
         self.controls = [
-            Control(ANY, kind, lambda asked, data=data: self._answer(asked, data), None, self.context)
+            RequestHandler(ANY, kind, lambda asked, data=data: self._answer(asked, data), None, self.context)
             for kind, data in kinds
         ]
         states, events = self.publisher.addresses

@@ -10,7 +10,7 @@ from PIL import Image
 from entoptic.pipeline import Display, Encoding
 from entoptic.pipeline.effects.encode import encode
 from entoptic.services.console.jpeg import WIDEST_PX, jpeg, srgb
-from entoptic.services.live.messages import MessageError, Picture
+from entoptic.services.ipc.messages import MessageError, Picture
 
 
 def picture(values: np.ndarray, encoding: str) -> Picture:

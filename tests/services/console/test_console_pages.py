@@ -18,8 +18,8 @@ from websockets.sync.client import connect
 from entoptic.services.config import PageConfig, PageLinks, ServerConfig
 from entoptic.services.console import live
 from entoptic.services.console.live import Places
-from entoptic.services.live import requests as asked
-from entoptic.services.live.messages import DISPLAYED, PERCEIVED
+from entoptic.services.ipc import requests as asked
+from entoptic.services.ipc.messages import DISPLAYED, PERCEIVED
 from entoptic.services.settings import Settings, changed, load
 from entoptic.tracker_bridge.wire import Phase
 

@@ -6,12 +6,12 @@ import contextlib
 
 import zmq
 
-from entoptic.services.live.asking import Context
-from entoptic.services.live.messages import SHOWN, MessageError, Shown, decode
+from entoptic.services.ipc.client import Context
+from entoptic.services.ipc.messages import SHOWN, MessageError, Shown, decode
 from entoptic.tracker_bridge.access import ClientKeys
 
 
-class Watching:
+class ShownReader:
     """Hears the topic `shown` of a worker's frames."""
 
     def __init__(self, context: Context, address: str, keys: ClientKeys | None = None) -> None:

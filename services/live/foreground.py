@@ -10,11 +10,11 @@ import zmq
 from rich.console import Console
 from rich.markup import escape
 
+from entoptic.services.ipc.messages import Shown
+from entoptic.services.ipc.shown_reader import ShownReader
 from entoptic.services.live.host import Host
-from entoptic.services.live.messages import Shown
 from entoptic.services.live.on_terminal import OnTerminal
 from entoptic.services.live.takes import PARTIAL, REPORT, refuse
-from entoptic.services.live.watching import Watching
 from entoptic.services.live.web import Web
 from entoptic.services.process import INTERRUPTED, Stop, leave
 from entoptic.services.session_config import OpenedSession
@@ -70,7 +70,7 @@ def _host(root: Path, web: Web | None, console: Console) -> Iterator[Host]:
 def _attend(host: Host, stop: Stop, console: Console, goes_on: object) -> None:
     assert callable(goes_on)
     context: zmq.Context[zmq.Socket[bytes]] = zmq.Context()
-    watching: tuple[str, Watching] | None = None
+    watching: tuple[str, ShownReader] | None = None
     with contextlib.ExitStack() as opened:
         opened.callback(context.destroy, linger=0)
         line = opened.enter_context(OnTerminal(console, host))
@@ -84,7 +84,7 @@ def _attend(host: Host, stop: Stop, console: Console, goes_on: object) -> None:
                 watching = None
             # Nobody looks at figures that no terminal shows.
             if watching is None and frames is not None and console.is_terminal:
-                watching = (frames, Watching(context, frames))
+                watching = (frames, ShownReader(context, frames))
             if watching is not None:
                 shown = watching[1].newest()
             line.show(shown)

@@ -1,4 +1,4 @@
-"""What the processes of a live session may be asked to do (services/control.py).
+"""What the processes of a live session may be asked to do (services/ipc/client.py).
 
 Each is one msgpack map whose `do` says which; other languages see docs/wire-format.md.
 """

@@ -16,8 +16,8 @@ from entoptic.services.bridge.pupil_calibration import PupilCalibration
 from entoptic.services.bridge.scene_light import SceneLight
 from entoptic.services.bridge.take import BridgeTake
 from entoptic.services.bridge.tracker_tasks import told
-from entoptic.services.control import Reply
-from entoptic.services.live.requests import (
+from entoptic.services.ipc.client import Reply
+from entoptic.services.ipc.requests import (
     BeginTake,
     BridgeRequest,
     CalibratePupils,
@@ -37,7 +37,7 @@ RATE_S = 2.0
 FASTEST_HZ = 2000
 
 
-class BridgeDesk:
+class BridgeHandler:
     """Give it each item, each record, and each request; all methods are for the bridge's thread."""
 
     def __init__(

@@ -9,14 +9,14 @@ import zmq
 from entoptic.tracker_bridge.access import ZAP_ADDRESS, ServerKeys, zap_reply
 
 
-class Door:
+class Authenticator:
     """Answers libzmq from a thread of its own until the context ends. To be made before any socket is bound."""
 
     def __init__(self, context: zmq.Context[zmq.Socket[bytes]], keys: ServerKeys) -> None:
         socket = context.socket(zmq.REP)
         socket.setsockopt(zmq.LINGER, 0)
         socket.bind(ZAP_ADDRESS)
-        self._thread = threading.Thread(target=self._serve, args=(socket, keys), name="door", daemon=True)
+        self._thread = threading.Thread(target=self._serve, args=(socket, keys), name="authenticator", daemon=True)
         self._thread.start()
 
     @staticmethod
