@@ -1,28 +1,19 @@
 """The processes, and what a person types to start them.
 
-cli.py         the program: its commands and its errors
-commands/      one file a command: its options
-options.py     the options that several commands share
-settings.py    what a settings file may hold
-process.py     what all processes do alike: logs, signals, ending with their parent
-eye_data.py    opens the eye data that a command names
-simulated_light.py  the light that simulated eyes answer to
-keys.py        key files for processes that are heard beyond this machine
-control.py     how a running process is asked for something
-web_server.py  what serves pages
+What knows more stands higher, and nothing looks up; pyproject.toml has the layers as a contract. From the top:
 
-bridge/        the eyes' process
-worker/        the frames' process; reader.py, event_feed.py: its ear, and any other reader's
-session/       both, by recorded time
-live/          both, by the clock: what they say to each other, and the host that keeps them running
-console/       the web page to run a live session from
-results/       what a session leaves; report/: what a person looks at afterwards
-
-capture/       the stand-in for Pupil Capture
-calibration/   pupils before white and black screens
-detect.py      saccades and blinks of a recording; event_scores.py compares them with labels
-render.py      one HDR picture, perceived
-explain/       why a picture looks as it does
-psf/           one person's eye as light: pictures, profiles, sheets, a film
-cost/          what accuracy costs in time
+cli.py, commands/   the program, and one file a command; child.py: a process that another one of ours starts
+live/               keeps a session's processes running, and records
+console/            the web page; session/: recorded eyes and their frames, in one process
+bridge/, worker/    the eyes' process and the frames' process
+recording.py        a recording's folder, from its first file to its report
+calibration/        pupils viewing white and black screens; capture/: the stand-in for Pupil Capture;
+                    cost/, detect.py, render.py: what other commands do
+report/, psf/, explain/, event_scores.py   pages and plots; reader.py: what a worker hears of a bridge
+results/            what a session leaves in its folder
+ipc/                what the processes say to each other; event_feed.py, rendering.py, web_server.py
+session_config.py   the record that describes a session; config.py: its parts
+eye_data.py, settings.py   what a session opens; simulated_light.py
+command_line.py, records.py   command lines and forms from records
+process.py, keys.py, terminal.py   what all processes do alike
 """

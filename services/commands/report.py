@@ -17,7 +17,8 @@ def report(
 ) -> None:
     """Finish a session that was cut off, and draw its report; also that of a finished one anew."""
     prepare_jax(renders=False)
-    from entoptic.services.live import status, takes
+    from entoptic.services import recording as takes
+    from entoptic.services.live import status
 
     if (host := status.host_that_writes(folder)) is not None:
         raise takes.TakeError(f"{folder} is being recorded now, by process {host}: stop that first")

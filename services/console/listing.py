@@ -10,7 +10,7 @@ from urllib.parse import quote
 
 from entoptic.pipeline.scenes import NIGHT_STREET
 from entoptic.services.console.protocol import Listed
-from entoptic.services.live.takes import PARTIAL
+from entoptic.services.recording import PARTIAL
 from entoptic.services.results import session_file
 from entoptic.services.settings import Settings, load
 

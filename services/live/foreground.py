@@ -14,9 +14,9 @@ from entoptic.services.ipc.messages import Shown
 from entoptic.services.ipc.shown_reader import ShownReader
 from entoptic.services.live.host import Host
 from entoptic.services.live.on_terminal import OnTerminal
-from entoptic.services.live.takes import PARTIAL, REPORT, refuse
 from entoptic.services.live.web import Web
 from entoptic.services.process import INTERRUPTED, Stop, leave
+from entoptic.services.recording import PARTIAL, REPORT, refuse
 from entoptic.services.session_config import OpenedSession
 
 

@@ -20,10 +20,11 @@ from typing import Any, Final, Self
 import msgspec
 import zmq
 
+from entoptic.services import recording as takes
 from entoptic.services.ipc.client import Reply
 from entoptic.services.ipc.handler import RequestHandler
 from entoptic.services.ipc.requests import GiveStatus, HostRequest, Record, StartSession, StopRecord, StopSession
-from entoptic.services.live import registry, takes
+from entoptic.services.live import registry
 from entoptic.services.live.journal import Journal
 from entoptic.services.live.live_session import ENDS_WITHIN_S, LiveSession
 from entoptic.services.live.supervised import Supervised

@@ -9,9 +9,10 @@ from typing import Any, Literal
 
 import msgspec
 
+from entoptic.services.ipc.status import Gap
 from entoptic.services.live.children import Child
 from entoptic.services.live.journal import Journal
-from entoptic.services.live.supervision import Gap, Restarts
+from entoptic.services.live.supervision import Restarts
 
 State = Literal["starting", "running", "restarting", "stopped", "failed"]
 

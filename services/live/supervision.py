@@ -47,22 +47,3 @@ class Restarts(msgspec.Struct, frozen=True):
     def delay_s(self) -> float:
         """From the last crash to the new start."""
         return min(FIRST_S * 2.0 ** max(self.in_a_row - 1, 0), LONGEST_S)
-
-
-class Gap(msgspec.Struct, frozen=True):
-    """While a process was not there; on the monotonic clock."""
-
-    process: str
-    from_ns: int
-    to_ns: int | None
-    """When it was ready again; None while it is not."""
-    why: str
-
-    def since(self, start_ns: int) -> dict[str, object]:
-        """As it is told: seconds from a start."""
-        return {
-            "process": self.process,
-            "from_s": round((self.from_ns - start_ns) * 1e-9, 3),
-            "to_s": None if self.to_ns is None else round((self.to_ns - start_ns) * 1e-9, 3),
-            "why": self.why,
-        }

@@ -12,8 +12,8 @@ from rich.markup import escape
 
 from entoptic.atomic_file import write_json
 from entoptic.pipeline.scenes import open_scene
+from entoptic.services import recording as takes
 from entoptic.services.config import Save
-from entoptic.services.live import takes
 from entoptic.services.process import Stop
 from entoptic.services.rendering import Rendering
 from entoptic.services.results import session_file

@@ -20,10 +20,10 @@ from entoptic.pipeline.budget import SHIPPED
 from entoptic.pipeline.scenes import Head
 from entoptic.pipeline.scenes.head_path import open_head_path
 from entoptic.services import settings as settings_file
+from entoptic.services import recording as takes
 from entoptic.services import simulated_light
 from entoptic.services.bridge.tables import Tables
 from entoptic.services.eye_data import SIMULATED_SECONDS, open_eyes
-from entoptic.services.live import takes
 from entoptic.services.process import Stop
 from entoptic.services.rendering import Rendering, frames_known, gaze_deg, kicks_of
 from entoptic.services.report import page as report

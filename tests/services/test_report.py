@@ -8,8 +8,8 @@ import msgspec
 import pytest
 
 from entoptic.atomic_file import write_json
-from entoptic.services.live import takes
-from entoptic.services.live.supervision import Gap
+from entoptic.services import recording as takes
+from entoptic.services.ipc.status import Gap
 from entoptic.services.report.plots import NOT_TRACKING
 from entoptic.services.results import session_file
 from entoptic.services.results.finish import finish

@@ -21,7 +21,7 @@ from msgspec.structs import replace
 from entoptic.atomic_file import write_json
 from entoptic.errors import EntopticError, OutputError
 from entoptic.services import settings as settings_file
-from entoptic.services.live.supervision import Gap
+from entoptic.services.ipc.status import Gap
 from entoptic.services.results import session_file
 from entoptic.services.results.finish import finish as finish_frames
 from entoptic.services.results.folder import ResultsFolderError, keep, refuse_foreign
