@@ -19,8 +19,8 @@ from entoptic.atomic_file import write_json
 from entoptic.pipeline.budget import SHIPPED
 from entoptic.pipeline.scenes import Head
 from entoptic.pipeline.scenes.head_path import open_head_path
-from entoptic.services import settings as settings_file
 from entoptic.services import recording as takes
+from entoptic.services import settings as settings_file
 from entoptic.services import simulated_light
 from entoptic.services.bridge.tables import Tables
 from entoptic.services.eye_data import SIMULATED_SECONDS, open_eyes
