@@ -6,14 +6,11 @@ import dataclasses
 import time
 from collections.abc import Callable, Iterable
 
-import numpy as np
-from msgspec.structs import replace
-
-from entoptic.pipeline import EyePose, Frame, GlareLevel, Perceived, Planning, RenderState, View, as_displayed, perceive
-from entoptic.pipeline.budget import SHIPPED, Choice, CostModel, Timing, corrected
+from entoptic.pipeline import EyePose, Frame, Perceived, RenderState, View, perceive
+from entoptic.pipeline.budget import SHIPPED, CostModel, Timing, corrected
 from entoptic.pipeline.optics.ocular_dynamics import SaccadeImpulse
-from entoptic.pipeline.plan import SKIPPED
 from entoptic.pipeline.scenes import Head, Scene
+from entoptic.pipeline.warm_up import warm_up
 from entoptic.services.settings import Settings
 from entoptic.tracker_bridge.wire import NS_PER_S, Direction, Eye, EyeState, SaccadeOffset
 
@@ -85,32 +82,11 @@ class Rendering:
         return None if self.memory is None else dataclasses.replace(self.memory, reusable={})
 
     def warm_up(self, stopped: Callable[[], bool]) -> float:
-        """Compiles the scene and every effect before the clock runs; returns the seconds it took.
-
-        A lamp too bright for float32 compiles another way of glare, a pupil between two computed ones makes a kernel
-        of two, a budget may choose other levels, and dark tiles alone and fades are compiled apart. So is the picture
-        on the display, for whoever wants to see it.
-        """
+        """Compiles the scene and every effect before the clock runs; returns the seconds it took."""
         begun = time.perf_counter()
-        perception, view, eyes = self.perception, self._view, self._eyes
-        self._scene.frame(0.0, view, Head(), eyes).rgb_cd_m2.block_until_ready()
-        lamp = np.zeros((len(eyes), 3, view.height_px, view.width_px), np.float32)
-        full = replace(perception, plan=Planning(everything=True, leave_out=perception.plan.leave_out))
-        short = () if perception.plan.budget_ms is None else (GlareLevel.VEIL,)
-        lesser = [(5e3, replace(full, glare=replace(full.glare, level=level))) for level in short]
-        for lamp_cd_m2, asked in ((5e3, full), (1e6, full), *lesser):
-            if stopped():
-                return time.perf_counter() - begun
-            lamp[:, :, view.height_px // 2, view.width_px // 2] = lamp_cd_m2
-            frame = Frame.from_rgb(lamp, view.fov_deg)
-            _perceive(frame, (EyePose(pupil_mm=4.1),) * len(eyes), asked, None, 0.0)
-        lamp[:] = 100.0
-        lamp[:, :, : view.height_px // 8, : view.width_px // 8] = 1e-3
-        bright = Frame.from_rgb(lamp, view.fov_deg)
-        fading = {"acuity": Choice(perception.acuity.method.value, SKIPPED, 0.5)}
-        before = RenderState((1.0,) * len(eyes), choices=fading)
-        _perceive(bright, (EyePose(pupil_mm=4.0),) * len(eyes), perception, before, 0.0)
-        as_displayed(bright, perception.display)
+        asked = self.perception
+        self._scene.frame(0.0, self._view, Head(), self._eyes).rgb_cd_m2.block_until_ready()
+        warm_up(self._view, len(self._eyes), asked.observer, asked.display, asked, asked.plan, stopped)
         return time.perf_counter() - begun
 
 

@@ -16,28 +16,26 @@ no effect.
 
 from __future__ import annotations
 
+import importlib
 from typing import TYPE_CHECKING, Any
 
 import msgspec
 
-from entoptic.pipeline.effects.acuity import ACUITY
-from entoptic.pipeline.effects.adaptation import ADAPTATION
-from entoptic.pipeline.effects.afterimage import AFTERIMAGE
 from entoptic.pipeline.effects.effect import Effect
-from entoptic.pipeline.effects.glare import GLARE
-from entoptic.pipeline.effects.night_colour import NIGHT_COLOUR
-from entoptic.pipeline.effects.rod_noise import ROD_NOISE
-from entoptic.pipeline.effects.tone import TONE
 
-EFFECTS: tuple[Effect[Any, Any], ...] = (
-    ADAPTATION,
-    GLARE,
-    ACUITY,
-    ROD_NOISE,
-    TONE,
-    NIGHT_COLOUR,
-    AFTERIMAGE,
+EFFECTS: tuple[Effect[Any, Any], ...] = tuple(
+    getattr(importlib.import_module(f"{__name__}.{name}"), name.upper())
+    for name in (
+        "adaptation",
+        "glare",
+        "acuity",
+        "rod_noise",
+        "tone",
+        "night_colour",
+        "afterimage",
+    )
 )
+"""In the order in which they run: each the object in capitals of the module or package of its name."""
 
 OPTIONAL = tuple(effect.name for effect in EFFECTS if effect.optional)
 """The effects that a picture can do without."""

@@ -101,6 +101,8 @@ class Effect(abc.ABC, Generic[SettingsT, MemoryT]):
     """Whether a plan may leave it out."""
     seen_by_threshold: ClassVar[bool] = False
     """Whether a change in cd/m² below the eye's threshold counts as not seen (it must be one of the scene's light)."""
+    accuracy: ClassVar[float] = 1e-5
+    """How far float32 is from the oracle at 99 % of pixels, relative to the pixel and the image's 99th percentile."""
     costs: Mapping[str, Cost]
     """Of each level, on two cores of a Xeon at 2.5 GHz: medians at 1440×1600."""
 

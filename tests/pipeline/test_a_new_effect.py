@@ -1,0 +1,130 @@
+"""A new effect is one new file and one line: all else finds it."""
+
+import json
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+TOY = '''
+"""Half of the light is gone."""
+
+from typing import Annotated
+
+import msgspec
+import numpy as np
+
+from entoptic.pipeline.effects.effect import Cost, Domain, Effect
+
+
+class Dimming(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """How much light is left."""
+
+    share: Annotated[float, msgspec.Meta(ge=0.1, le=1.0, description="Light that is left of all.")] = 0.5
+
+
+class DimmingEffect(Effect[Dimming, None]):
+    """Half of the light is gone."""
+
+    name = "dimming"
+    domain = Domain.SCENE
+    Settings = Dimming
+    costs = {"on": Cost(0.1, 0.1)}
+
+    def full_level(self, settings):
+        return "on"
+
+    def apply(self, picture, eyes, settings, level, tiles):
+        return picture.image * np.float32(settings.share)
+
+    def bound(self, ranges, eye, settings, level):
+        return ranges.image.high * (1 - settings.share)
+
+    def propagate(self, changes, ranges, eye, settings):
+        return changes.image * settings.share
+
+    def reason(self, eye, settings):
+        return f"{settings.share:g} of the light is left"
+
+    def oracle(self, picture, eye, settings):
+        return np.asarray(picture.image[0], np.float64) * settings.share
+
+    def variants(self):
+        return {"half": Dimming(), "a third": Dimming(1 / 3)}
+
+
+DIMMING = DimmingEffect()
+'''
+LOOK = """
+import json, sys
+import numpy as np
+from typer.testing import CliRunner
+from entoptic import EFFECTS, Effects, EyePose, Frame, Planning, perceive
+from entoptic.services.cli import app
+from entoptic.services.console.fields import fields
+from entoptic.services.settings import load
+
+frame = Frame.from_rgb(np.full((40, 40, 3), 5.0), 40.0)
+seen = perceive(frame, EyePose(pupil_mm=4.0))
+without = perceive(frame, EyePose(pupil_mm=4.0), planning=Planning(leave_out=frozenset({"dimming"})))
+step = seen.plan["dimming"]
+loaded = load("dim.toml")
+sys.path.insert(0, sys.argv[1])
+import observer_file
+print(json.dumps({
+    "order": [effect.name for effect in EFFECTS],
+    "plan": [step.level, step.reason],
+    "changed": float(np.abs(np.asarray(seen.linear) - np.asarray(without.linear)).max()),
+    "bound": without.plan.bound_code_values,
+    "skipped": without.plan["dimming"].level,
+    "settings": loaded.dimming.share,
+    "form": [[field.path, field.help, field.low, field.high] for field in fields() if "dimming" in field.path],
+    "documents": observer_file.tables(),
+    "option": CliRunner().invoke(app, ["render", "--help"], env={"COLUMNS": "300"}).output,
+}))
+"""
+
+
+@pytest.fixture(scope="module")
+def checkout(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A copy of the program with the toy in it."""
+    root = tmp_path_factory.mktemp("checkout")
+    for name in ("src", "pipeline", "services", "tracker_bridge", "docs"):
+        shutil.copytree(ROOT / name, root / name, symlinks=True, ignore=shutil.ignore_patterns("__pycache__", "*.png"))
+    (root / "pipeline" / "effects" / "dimming.py").write_text(TOY)
+    listed = root / "pipeline" / "effects" / "__init__.py"
+    before = listed.read_text()
+    listed.write_text(before.replace('        "rod_noise",\n', '        "dimming",\n        "rod_noise",\n'))
+    assert len(listed.read_text().splitlines()) == len(before.splitlines()) + 1
+    (root / "dim.toml").write_text("[dimming]\nshare = 0.25\n")
+    return root
+
+
+def run(checkout: Path, *arguments: str) -> str:
+    return subprocess.run(
+        [sys.executable, "-P", *arguments],
+        cwd=checkout,
+        env={**os.environ, "PYTHONPATH": str(checkout / "src")},
+        check=True,
+        capture_output=True,
+        text=True,
+    ).stdout
+
+
+def test_plan_picture_settings_form_and_documents_have_it(checkout: Path) -> None:
+    found = json.loads(run(checkout, "-c", LOOK, str(checkout / "docs")).splitlines()[-1])
+    assert found["order"].index("dimming") == found["order"].index("acuity") + 1
+    assert found["plan"][0] == "on"
+    assert found["plan"][1].startswith("0.5 of the light is left: without it, a pixel changes by")
+    assert 0.05 < found["changed"]
+    assert 0 < found["bound"] < 255
+    assert found["skipped"] == "skipped"
+    assert found["settings"] == 0.25
+    assert found["form"] == [["dimming.share", "Light that is left of all.", 0.1, 1.0]]
+    assert "### [dimming]" in found["documents"]
+    assert "Light that is left of all." in found["documents"]
+    assert "dimming" in found["option"]
