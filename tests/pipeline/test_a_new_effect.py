@@ -62,11 +62,10 @@ DIMMING = DimmingEffect()
 LOOK = """
 import json, sys
 import numpy as np
-from typer.testing import CliRunner
-from entoptic import EFFECTS, Effects, EyePose, Frame, Planning, perceive
-from entoptic.services.cli import app
+from entoptic import EFFECTS, EyePose, Frame, Planning, perceive
 from entoptic.services.console.fields import fields
-from entoptic.services.settings import load
+from entoptic.services.config import SettingsConfig
+from entoptic.services.settings import SettingsError, load, of
 
 frame = Frame.from_rgb(np.full((40, 40, 3), 5.0), 40.0)
 seen = perceive(frame, EyePose(pupil_mm=4.0))
@@ -75,6 +74,10 @@ step = seen.plan["dimming"]
 loaded = load("dim.toml")
 sys.path.insert(0, sys.argv[1])
 import observer_file
+try:
+    of(SettingsConfig(without=("nothing",)))
+except SettingsError as error:
+    unknown = str(error)
 print(json.dumps({
     "order": [effect.name for effect in EFFECTS],
     "plan": [step.level, step.reason],
@@ -84,7 +87,9 @@ print(json.dumps({
     "settings": loaded.dimming.share,
     "form": [[field.path, field.help, field.low, field.high] for field in fields() if "dimming" in field.path],
     "documents": observer_file.tables(),
-    "option": CliRunner().invoke(app, ["render", "--help"], env={"COLUMNS": "300"}).output,
+    "option": of(SettingsConfig(changes=("dimming.share=0.75",))).dimming.share,
+    "left_out": sorted(of(SettingsConfig(without=("dimming",))).plan.leave_out),
+    "unknown": unknown,
 }))
 """
 
@@ -127,4 +132,6 @@ def test_plan_picture_settings_form_and_documents_have_it(checkout: Path) -> Non
     assert found["form"] == [["dimming.share", "Light that is left of all.", 0.1, 1.0]]
     assert "### [dimming]" in found["documents"]
     assert "Light that is left of all." in found["documents"]
-    assert "dimming" in found["option"]
+    assert found["option"] == 0.75
+    assert found["left_out"] == ["dimming"]
+    assert "dimming" in found["unknown"]

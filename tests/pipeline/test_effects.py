@@ -10,7 +10,18 @@ import msgspec
 import numpy as np
 import pytest
 
-from entoptic.pipeline import EFFECTS, Display, Effect, Effects, EyeContext, EyePose, Frame, Observer, Planning, perceive
+from entoptic.pipeline import (
+    EFFECTS,
+    Display,
+    Effect,
+    Effects,
+    EyeContext,
+    EyePose,
+    Frame,
+    Observer,
+    Planning,
+    perceive,
+)
 from entoptic.pipeline.effects.effect import SKIPPED, Picture, TileChanges, TileRanges
 from entoptic.pipeline.measure import luminance, measure
 from entoptic.pipeline.ranges import Change, Range
@@ -120,9 +131,7 @@ def test_no_change_before_it_comes_out_larger_than_it_says(effect: Effect, setti
     )
     level = effect.full_level(settings)
     one, other = (effect.apply(each, [eye], settings, level, None) for each in (picture, moved))
-    within(
-        change_of(one, other, tile_px), effect.propagate(changes, ranges_of(picture, tile_px), eye, settings), one
-    )
+    within(change_of(one, other, tile_px), effect.propagate(changes, ranges_of(picture, tile_px), eye, settings), one)
 
 
 @pytest.mark.parametrize(("effect", "settings"), CASES)
