@@ -145,7 +145,7 @@ def _codes(
     encoding: Encoding,
 ) -> Array:
     depth = jnp.uint16 if encoding == Encoding.HDR10 else jnp.uint8
-    # Narrowed here: a float64 would be narrowed anew for each pixel.
+    # Narrowed here: a float64 would be narrowed again for each pixel.
     return _look_up(linear, np.float32(black_share), np.float32(scale), primaries, *_table(encoding), depth=depth)
 
 

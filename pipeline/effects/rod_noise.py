@@ -93,7 +93,7 @@ def add_noise(
     grain_px = max(1, round(settings.grain_deg * pixels_per_deg))
     eyes, _, height, width = rgb.shape
     grid = (eyes, -(-height // grain_px) + 1, -(-width // grain_px) + 1)
-    # Each is compiled by itself: fused, XLA would work out every node anew for each component of each pixel.
+    # Each is compiled by itself: fused, XLA would work out every node again for each component of each pixel.
     nodes = _nodes(grid, np.uint32(int(slots) % 2**32), np.float32(fraction), np.uint32(settings.seed))
     factor, grey = _factor(
         rgb,
@@ -161,7 +161,7 @@ def _counts(pupil_mm: float, grain_deg: float) -> tuple[float, float]:
 def _nodes(
     grid: tuple[int, int, int], slot: UInt32[Array, ""], fraction: Float[Array, ""], seed: UInt32[Array, ""]
 ) -> Float[Array, "eye row column"]:
-    """Independent values of mean 0 and variance 1: in time, the mean of two, weighed anew to keep that variance."""
+    """Independent values of mean 0 and variance 1: in time, the mean of two, weighed again to keep that variance."""
     early, late = (_triangular(grid, slot + np.uint32(k), seed) for k in (0, 1))
     return (early * (1 - fraction) + late * fraction) / jnp.sqrt((1 - fraction) ** 2 + fraction**2)
 

@@ -8,7 +8,7 @@ larson.py      what an eye resolves at a luminance
 krawczyk.py    a blur as wide as that asks for
 reference.py   the true two-dimensional filter, for both widths
 bounds.py      the most that a skip changes, and what a change before acuity becomes
-cheap.py       cube root, exponential and arc tangent at a fraction of their price
+fast_math.py   cube root, exponential and arc tangent at a fraction of their price
 """
 
 from __future__ import annotations

@@ -15,8 +15,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from entoptic.pipeline.effects.acuity.cheap import exp2
 from entoptic.pipeline.effects.acuity.cielab import CD_M2_PER_LIGHTNESS, lightness, luminance_of
+from entoptic.pipeline.effects.acuity.fast_math import exp2
 from entoptic.pipeline.measure import luminance
 
 LIMIT_CD_M2 = CD_M2_PER_LIGHTNESS

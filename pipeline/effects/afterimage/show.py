@@ -95,7 +95,7 @@ def _across(nodes: Float[Array, "eye 6 row column"], side: int, width: int) -> F
     weights = _weights(side)
     pixels = sum(weights[k] * padded[..., k : k + count, None] for k in range(3))
     rows = pixels.reshape(*nodes.shape[:3], -1)[..., :width]
-    # A pass of its own: within the next one, each pixel would ask anew whether it lies at an edge.
+    # A pass of its own: within the next one, each pixel would ask again whether it lies at an edge.
     return jax.lax.optimization_barrier(jnp.pad(rows, ((0, 0), (0, 0), (1, 1), (0, 0)), mode="edge"))
 
 

@@ -7,7 +7,7 @@ veil.py       light scattered beyond 4.5–9°: tiles with true angles (veil_til
 window.py     the kernel for all light in the gaze window or the frame, by FFT (convolve.py)
 sources.py    the kernel for the few brightest pixels
 light_glare.py  lights that the frame's pixels do not show, with spectra of their own (lights.py)
-stamp.py      kernels laid down at single pixels
+splat.py      kernels laid down at single pixels
 reference.py  the truth that the others are compared to
 bounds.py     how much all this can change, from the tiles' ranges
 """

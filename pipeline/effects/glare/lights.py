@@ -23,7 +23,7 @@ from jaxtyping import Array, Float
 from numpy.typing import NDArray
 
 from entoptic.described import DescribedEnum
-from entoptic.pipeline.effects.glare import stamp
+from entoptic.pipeline.effects.glare import splat
 from entoptic.pipeline.frame import Light, View
 
 SUBPIXELS = 5
@@ -100,7 +100,7 @@ def draw_lights(
     A disc of more than LARGEST_LAYER pixels is convolved on its own: exact, but it takes a second where it covers a
     frame.
     """
-    stamps: dict[tuple[PointKernel, int], list[tuple[Place, float]]] = defaultdict(list)
+    splats: dict[tuple[PointKernel, int], list[tuple[Place, float]]] = defaultdict(list)
     large: list[tuple[PointKernel, Place, float]] = []
     for light in lights:
         at = place(light, view)
@@ -111,10 +111,10 @@ def draw_lights(
                 large.append((kernel, at, at.cd_m2 * weight))
             else:
                 for layer, share in _layers(at.radius_px):
-                    stamps[kernel, layer].append((at, at.cd_m2 * weight * share))
+                    splats[kernel, layer].append((at, at.cd_m2 * weight * share))
     image = jnp.array(onto, copy=True)
-    for (kernel, layer), parts in stamps.items():
-        image = _stamped(image, parts, phases(kernel, layer, falloff))
+    for (kernel, layer), parts in splats.items():
+        image = _splatted(image, parts, phases(kernel, layer, falloff))
     for kernel, at, cd_m2 in large:
         image = image + cd_m2 * _large_disc(at, kernel, falloff, image.shape[1:])
     return image
@@ -130,7 +130,7 @@ def _layers(radius_px: float) -> list[tuple[int, float]]:
     return [(layer, weight) for layer, weight in ((low, 1 - share), (low + 1, share)) if weight > 0]
 
 
-def _stamped(
+def _splatted(
     image: Float[Array, "3 y x"], parts: Sequence[tuple[Place, float]], kernels: Float[Array, "s 3 1 j k"]
 ) -> Float[Array, "3 y x"]:
     """Lights between the four sub-pixels whose middles lie around each of them."""
@@ -147,7 +147,7 @@ def _stamped(
         inside = ((pixel >= -radius) & (pixel < limit)).all(axis=1)
         which = phase[:, 0] * SUBPIXELS + phase[:, 1]
         value = (cd_m2 * weight).astype(np.float32)[:, None]
-        image = stamp.stamp(image, pixel[inside], which[inside], value[inside], kernels)
+        image = splat.splat(image, pixel[inside], which[inside], value[inside], kernels)
     return image
 
 

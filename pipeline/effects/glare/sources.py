@@ -12,7 +12,7 @@ import numpy as np
 from jaxtyping import Array, Float
 from numpy.typing import NDArray
 
-from entoptic.pipeline.effects.glare import convolve, stamp
+from entoptic.pipeline.effects.glare import convolve, splat
 from entoptic.pipeline.effects.glare.kernel import Mixture
 from entoptic.pipeline.measure import SOURCE_RATIO, Measurement
 
@@ -52,10 +52,10 @@ def glare_sources(
         above_cd_m2 = max(above_cd_m2, ceiling_cd_m2)
     if measured.max_cd_m2 <= above_cd_m2:
         return rgb if onto is None else onto, Taken(above_cd_m2, np.empty((0, 2), np.intp), 0)
-    at, light = stamp.bright_pixels(rgb, above_cd_m2)
+    at, light = splat.bright_pixels(rgb, above_cd_m2)
     taken = Taken(above_cd_m2, at[:MOST_SOURCES], max(len(at) - MOST_SOURCES, 0))
     light = light[:MOST_SOURCES]
     if ceiling_cd_m2 is not None:
-        light = light * convolve.spill_share(stamp.luminances(light), ceiling_cd_m2)[:, None]
+        light = light * convolve.spill_share(splat.luminances(light), ceiling_cd_m2)[:, None]
     image = jnp.array(rgb, copy=True) if onto is None else onto
-    return stamp.lay_down(image, taken.at, light, mixture), taken
+    return splat.lay_down(image, taken.at, light, mixture), taken

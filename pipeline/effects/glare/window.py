@@ -28,7 +28,7 @@ import scipy.fft
 from jaxtyping import Array, Float, Int
 from numpy.typing import NDArray
 
-from entoptic.pipeline.effects.glare import convolve, stamp
+from entoptic.pipeline.effects.glare import convolve, splat
 from entoptic.pipeline.effects.glare.kernel import Mixture
 from entoptic.pipeline.frame import View
 from entoptic.pipeline.measure import Measurement, luminance
@@ -151,7 +151,7 @@ def _glare(
     dtype: convolve.Precision = "float32"
     apart = None
     if measured.max_cd_m2 > limit_cd_m2:
-        at, light = stamp.bright_pixels(rgb, limit_cd_m2)
+        at, light = splat.bright_pixels(rgb, limit_cd_m2)
         if len(at) > MOST_LAID_DOWN:
             dtype = "float64"
         else:
@@ -186,9 +186,9 @@ def _glare(
     away_px = np.hypot(at[:, 0] + 0.5 - gaze_px[1], at[:, 1] + 0.5 - gaze_px[0])
     share = falloff(away_px / window.reach_px)
     if ceiling_cd_m2 is not None:
-        share = share * convolve.spill_share(stamp.luminances(light), ceiling_cd_m2)
+        share = share * convolve.spill_share(splat.luminances(light), ceiling_cd_m2)
     scatters = share > 0
-    return stamp.lay_down(result, at[scatters], (light * share[:, None])[scatters].astype(np.float32), mixture)
+    return splat.lay_down(result, at[scatters], (light * share[:, None])[scatters].astype(np.float32), mixture)
 
 
 def float32_limit_cd_m2(measured: Measurement) -> float:

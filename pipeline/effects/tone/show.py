@@ -108,7 +108,7 @@ def _show(
         case Operator.CURVE:
             gain = own_curve.gain(y, first, first_log10, step_log10, shares)
     divided_by = divisor(planes, y, gain, offset, hue)
-    # Without the barrier XLA works the gain out for each component anew.
+    # Without the barrier XLA works the gain out for each component again.
     mapped = jnp.maximum(rgb, 0) * jax.lax.optimization_barrier(gain / divided_by)[:, None]
     if operator is Operator.WARD:
         mapped = mapped + (offset / divided_by)[:, None]

@@ -198,7 +198,7 @@ def test_only_the_light_above_a_ceiling_spreads(mixture: Mixture, measured: Meas
 def test_the_sun_leaves_the_dark_corner_dark(
     lit: tuple[int, int], level: str, mixture: Mixture, measured: Measured
 ) -> None:
-    """1.6e9 cd/m² over 1e-3: by stamps where the sun is small, by float64 where it is large."""
+    """1.6e9 cd/m² over 1e-3: by splats where the sun is small, by float64 where it is large."""
     frame = np.full((3, 260, 300), 1e-3, np.float32)
     frame[:, 100 : 100 + lit[0], 120 : 120 + lit[1]] = 1.6e9
     about = measured(frame, VIEW)

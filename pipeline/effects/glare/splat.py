@@ -1,6 +1,6 @@
 """Kernels laid down at single pixels: no FFT, so neither its cost nor its rounding, where the light is in few of them.
 
-A stamp touches no more of the frame than its kernel covers, and is cut at the frame's edges.
+A splat touches no more of the frame than its kernel covers, and is cut at the frame's edges.
 """
 
 from __future__ import annotations
@@ -55,7 +55,7 @@ def lay_down(
     parts = tuple(component.scatters for component, _ in mixture)
     kernels = _blend(parts, convolve.weights(mixture, "float32"))
     for kernel in kernels:
-        image = stamp(image, at, np.zeros(len(at), np.int64), light, kernel[None])
+        image = splat(image, at, np.zeros(len(at), np.int64), light, kernel[None])
     moved = light.astype(np.float64) @ convolve.staying(mixture).T
     for k in range(0, len(at), AT_ONCE):
         image = _add(image, _filled(at[k : k + AT_ONCE]), _filled(moved[k : k + AT_ONCE].astype(np.float32)))
@@ -65,7 +65,7 @@ def lay_down(
 _blend = jax.jit(convolve.blend)
 
 
-def stamp(
+def splat(
     image: Float[Array, "3 y x"],
     at: NDArray[np.int64],
     which: NDArray[np.int64],
