@@ -18,7 +18,6 @@ from entoptic.errors import EntopticError
 LUMINANCE_WEIGHTS = (0.2126, 0.7152, 0.0722)
 """Luminance of linear Rec.709 primaries with D65 white (ITU-R BT.709)."""
 
-Degrees = Annotated[float, msgspec.Meta(ge=1.0, le=175.0)]
 Pixels = Annotated[int, msgspec.Meta(ge=1, le=16384)]
 
 
