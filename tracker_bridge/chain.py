@@ -93,10 +93,6 @@ class Chain:
         self.late_count = 0
         """Samples that came too late, twice, backwards or from the future, and were left out."""
 
-    def use_pupil_map(self, pupil_map: PupilMap) -> None:
-        """What diameters mean from the next sample on."""
-        self._pupil_map = pupil_map
-
     def use(self, pupil_map: PupilMap) -> None:
         """Takes diameters for what this map says, from the next item on."""
         if "px" in {each.unit for each in (self._pupil_map, pupil_map) if each is not None}:

@@ -59,13 +59,6 @@ def velocities_deg_s(positions_deg: Floats, rate_hz: float) -> Floats:
     return velocity
 
 
-def smoothed_deg(positions_deg: Floats) -> Floats:
-    """Positions added up from the velocities over five samples: a moving average, but for a constant."""
-    steps = velocities_deg_s(positions_deg, 1.0)
-    steps[0] += positions_deg[0]
-    return np.cumsum(steps, axis=0)
-
-
 def noise_deg_s(velocity_deg_s: Floats) -> Floats:
     """σ per axis, from medians so that the movements themselves hardly count: √median((v − median v)²), shape (2,).
 

@@ -75,7 +75,7 @@ class BridgeLoop:
             self.worst_step_ns = max(self.worst_step_ns, time.perf_counter_ns() - began_ns)
             if found is not None:
                 self.maps.append(found)
-                self.chain.use_pupil_map(found)
+                self.chain.use(found)
             self.states += [record for record in self.chain.step(item) if isinstance(record, EyeState)]
             stage = (self.calibration.status() or {"stage": "none"})["stage"]
             if [stage] != self.stages[-1:]:

@@ -14,7 +14,6 @@ from entoptic.tracker_bridge.engbert_kliegl import (
     excess,
     movements,
     noise_deg_s,
-    smoothed_deg,
     velocities_deg_s,
     without_overshoots,
 )
@@ -116,7 +115,6 @@ def test_velocities_smoothing_and_threshold_are_the_toolboxs(engbert: Path) -> N
     x = np.load(engbert / "xr.npy")
     v = velocities_deg_s(x, RATE_HZ)
     np.testing.assert_allclose(v, np.loadtxt(engbert / "xrs_vecvel.dat"), rtol=1e-12, atol=1e-12)
-    np.testing.assert_allclose(smoothed_deg(x), np.loadtxt(engbert / "xrs_smooth.dat"), rtol=1e-12, atol=1e-14)
     criterion = np.loadtxt(engbert / "xrs_criterion.dat")
     np.testing.assert_allclose(excess(v, noise_deg_s(v), 5.0), criterion, rtol=1e-12, atol=1e-12)
 
