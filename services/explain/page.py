@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Mapping
 from pathlib import Path
 
@@ -21,8 +22,8 @@ DPI, WIDTH_IN = 100, 17.0
 COLOURS = dict(
     zip(
         (effect.name for effect in EFFECTS),
-        ("#5d6470", "#c8553d", "#2a6fbb", "#1a8f94", "#b8860b", "#8a5aa8", "#3a8f5a"),
-        strict=True,
+        itertools.cycle(("#5d6470", "#c8553d", "#2a6fbb", "#1a8f94", "#b8860b", "#8a5aa8", "#3a8f5a")),
+        strict=False,
     )
 )
 ROW_IN = 6.0

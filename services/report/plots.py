@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import io
+import itertools
 from typing import Any
 
 import matplotlib as mpl
@@ -33,27 +34,14 @@ AWAY = "#b08fd0"
 """The bridge or the worker was not there."""
 MOST_POINTS = 600
 """Of a line. Engineering choice: about what a page has pixels for; more takes time to draw and is not seen."""
-PART_COLOURS = dict(
-    zip(
-        ("scene", "measure", "plan", *(effect.name for effect in EFFECTS), "encode"),
-        (
-            *(
-                "#bdbdbd",
-                "#969696",
-                "#d9d9d9",
-                "#66c2a5",
-                "#fc8d62",
-                "#8da0cb",
-                "#ffd92f",
-                "#a6d854",
-                "#e78ac3",
-                "#e5c494",
-            ),
-            "#737373",
-        ),
-        strict=True,
-    )
-)
+EFFECT_COLOURS = ("#66c2a5", "#fc8d62", "#8da0cb", "#ffd92f", "#a6d854", "#e78ac3", "#e5c494")
+PART_COLOURS = {
+    "scene": "#bdbdbd",
+    "measure": "#969696",
+    "plan": "#d9d9d9",
+    **dict(zip((effect.name for effect in EFFECTS), itertools.cycle(EFFECT_COLOURS), strict=False)),
+    "encode": "#737373",
+}
 
 
 @dataclasses.dataclass(frozen=True)

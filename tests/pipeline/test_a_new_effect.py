@@ -1,5 +1,6 @@
 """A new effect is one new file and one line: all else finds it."""
 
+import csv
 import json
 import os
 import shutil
@@ -135,3 +136,13 @@ def test_plan_picture_settings_form_and_documents_have_it(checkout: Path) -> Non
     assert found["option"] == 0.75
     assert found["left_out"] == ["dimming"]
     assert "dimming" in found["unknown"]
+
+
+def test_a_session_its_report_and_what_explains_it_have_it(checkout: Path) -> None:
+    small = ("--seconds", "0.2", "--fps", "10", "--width", "40", "--height", "40")
+    run(checkout, "-m", "entoptic", "session", *small, "--settings", "dim.toml", "--out", "seen")
+    with (checkout / "seen" / "plan.csv").open(newline="") as stream:
+        assert {row["dimming_level"] for row in csv.DictReader(stream)} == {"on"}
+    assert "dimming" in (checkout / "seen" / "report.html").read_text()
+    run(checkout, "-m", "entoptic", "explain", "seen", "-o", "why.png")
+    assert (checkout / "why.png").stat().st_size > 1e4
