@@ -173,10 +173,17 @@ class Display(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
             "luminance and has more room above it, a dimmer one shows the same picture darker.",
             ge=1.0,
             le=20000.0,
+            slider=(50.0, 2000.0),
         ),
     ] = 100.0
     black_cd_m2: Annotated[float, described("Luminance of full black.", ge=0.0, le=10.0)] = 0.0
     surround_cd_m2: Annotated[
-        float, described("Luminance of what surrounds the display: 0 in a headset or a dark room.", ge=0.0, le=10000.0)
+        float,
+        described(
+            "Luminance of what surrounds the display: 0 in a headset or a dark room.",
+            ge=0.0,
+            le=10000.0,
+            slider=(0.0, 500.0),
+        ),
     ] = 0.0
     encoding: Encoding = Encoding.SRGB

@@ -28,11 +28,12 @@ class OcularDynamics(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     microfluctuations: Annotated[bool, described("Accommodation wavers, and defocus with it.")] = False
     lens: Annotated[bool, described("The lens deforms with accommodation, and its particles move.")] = False
     vitreous: Annotated[bool, described("The vitreous lags behind saccades and swings back.")] = False
-    lids: Annotated[bool, described("Lids cover the pupil as far as the tracker says.")] = False
-    lashes: Annotated[bool, described("Lashes hang before the pupil where the lid is low.")] = False
-    squint: Annotated[bool, described("Lids are held half closed, as before a strong light.")] = False
+    lids: Annotated[bool, described("Lids cover the pupil as far as the tracker says.", first=True)] = False
+    lashes: Annotated[bool, described("Lashes hang before the pupil where the lid is low.", first=True)] = False
+    squint: Annotated[bool, described("Lids are held half closed, as before a strong light.", first=True)] = False
     hippus: Annotated[
-        bool, described("The pupil wavers; never where it is measured, as a measured pupil contains its hippus.")
+        bool,
+        described("The pupil wavers; never where it is measured, as a measured pupil contains its hippus.", first=True),
     ] = False
 
 
@@ -42,16 +43,26 @@ class Observer(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     age_years: Annotated[
         float,
         described(
-            "The lens yellows, clouds and scatters more with age, and the pupil stays smaller.", ge=1.0, le=120.0
+            "The lens yellows, clouds and scatters more with age, and the pupil stays smaller.",
+            ge=1.0,
+            le=120.0,
+            first=True,
         ),
     ] = 30.0
     iris: Annotated[
-        Iris, described("Its pigment decides how much light comes through the iris and from the fundus.")
+        Iris, described("Its pigment decides how much light comes through the iris and from the fundus.", first=True)
     ] = Iris.BROWN
     particles: Annotated[
-        Count, described("Scattering particles of the lens over the pupil plane (LUI §5.2.4; van den Berg 2005).")
+        Count,
+        described(
+            "Scattering particles of the lens over the pupil plane (LUI §5.2.4; van den Berg 2005).",
+            slider=(0.0, 5000.0),
+            first=True,
+        ),
     ] = 1000
-    particle_mm: Annotated[float, described("Their median diameter (LUI §5.2.4).", ge=0.005, le=0.5)] = 0.042
+    particle_mm: Annotated[
+        float, described("Their median diameter (LUI §5.2.4).", ge=0.005, le=0.5, slider=(0.005, 0.2), first=True)
+    ] = 0.042
     particle_spread: Annotated[
         float,
         described("Standard deviation of the logarithm of their diameters; 0: all alike, as in LUI.", ge=0.0, le=1.0),
@@ -82,7 +93,7 @@ class Observer(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         ),
     ] = 0.55
     defocus_d: Annotated[
-        float, described("Error of accommodation or refraction in dioptres; 0: in focus.", ge=-8.0, le=8.0)
+        float, described("Error of accommodation or refraction in dioptres; 0: in focus.", ge=-8.0, le=8.0, first=True)
     ] = 0.0
     seed: Annotated[int, described("Which of all eyes with these statistics.", ge=0)] = 0
     ocular_dynamics: OcularDynamics = OcularDynamics()

@@ -33,33 +33,41 @@ class Save(StrEnum):
 
 
 Address = Annotated[str, Meta(extra={"metavar": "ADDRESS"})]
-Seconds = Annotated[float, Meta(ge=0.001)]
-Pixels = Annotated[int, Meta(ge=1, le=16384)]
+Seconds = Annotated[
+    float, described("How long; the whole recording unless given.", "Seconds", ge=0.001, first=True, option="--seconds")
+]
 MeanLuminance = Annotated[
-    Annotated[float, Meta(ge=1e-9, le=1e9)] | None,
+    float,
     described(
         "Mean luminance in cd/m² of a scene whose file has no absolute scale.",
         "Mean luminance, cd/m²",
+        ge=1e-9,
+        le=1e9,
         option="--mean-luminance",
         metavar="CD_M2",
     ),
 ]
+Pixels = Annotated[int, Meta(ge=1, le=16384)]
 WidthPx = Annotated[
-    Pixels | None,
-    described(
-        "Pixels per eye; the scene's own unless given.", "Width of an eye's image, px", first=True, option="--width"
-    ),
+    Pixels,
+    described("Pixels per eye; the scene's own unless given.", "Width of an image, px", first=True, option="--width"),
 ]
 HeightPx = Annotated[
-    Pixels | None,
-    described("Pixels per eye; the scene's own unless given.", "Height of it, px", first=True, option="--height"),
+    Pixels,
+    described("Pixels per eye; the scene's own unless given.", "Height of an image, px", first=True, option="--height"),
 ]
 FovDeg = Annotated[
-    Annotated[float, Meta(ge=1.0, le=175.0)],
-    described("Horizontal field of view in degrees.", "Field of view, °", first=True, option="--fov", metavar="DEG"),
+    float,
+    described(
+        "Horizontal field of view in degrees.",
+        "Field of view, °",
+        ge=1.0,
+        le=175.0,
+        first=True,
+        option="--fov",
+        metavar="DEG",
+    ),
 ]
-
-
 TableMap = Annotated[
     str | None,
     described(
@@ -69,7 +77,7 @@ TableMap = Annotated[
         metavar="FILE",
     ),
 ]
-Seed = Annotated[Annotated[int, Meta(ge=0)], described("Which simulated person.", "Simulated person")]
+Seed = Annotated[int, described("Which simulated person.", "Simulated person", ge=0)]
 ReaderKeys = Annotated[
     str | None,
     described("Keys of this reader, from entoptic keys, if the bridge has any.", metavar="FOLDER", option="--keys"),
@@ -135,18 +143,14 @@ class ViewConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_onl
             list="scenes",
         ),
     ] = "night-street"
-    mean_luminance_cd_m2: MeanLuminance = None
+    mean_luminance_cd_m2: MeanLuminance | None = None
     eyes: Annotated[
         Eyes, described("Which eyes are rendered; both stand side by side.", "Rendered eyes", first=True)
     ] = Eyes.LEFT
-    fps: Annotated[
-        Annotated[float, Meta(ge=0.1, le=1000.0)], described("Frames per second.", "Frames a second", first=True)
-    ] = 24.0
-    seconds: Annotated[
-        Seconds | None, described("How long; the whole recording unless given.", "Seconds", first=True)
-    ] = None
-    width_px: WidthPx = None
-    height_px: HeightPx = None
+    fps: Annotated[float, described("Frames per second.", "Frames a second", ge=0.1, le=1000.0, first=True)] = 24.0
+    seconds: Seconds | None = None
+    width_px: WidthPx | None = None
+    height_px: HeightPx | None = None
     fov_deg: FovDeg = 104.0
     head: Annotated[
         str,
@@ -221,7 +225,7 @@ class BridgeConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_o
         str | None, described("File for all that a USB tracker sends; usb-file:PATH plays it.", metavar="FILE")
     ] = None
     tables: Annotated[str | None, described("Folder for states.csv and events.csv.", metavar="FOLDER")] = None
-    seconds: Annotated[Seconds | None, described("How long; the whole recording unless given.")] = None
+    seconds: Seconds | None = None
     luminance: Annotated[str | None, described("Light before a simulated eye: cd/m², or a CSV file t_s,cd_m2.")] = None
     live: Annotated[
         bool, described("As a part of a live session: recordings are played by the clock, simulated eyes have no end.")
@@ -266,18 +270,24 @@ class WorkerLinks(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_on
 class StillConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """How one picture is seen."""
 
-    pupil_mm: Annotated[
-        Annotated[float, Meta(ge=0.5, le=12.0)] | None,
-        described("Pupil diameter; computed from the light and the age unless given."),
-    ] = None
+    pupil_mm: (
+        Annotated[
+            float,
+            described("Pupil diameter; computed from the light and the age unless given.", ge=0.5, le=12.0),
+        ]
+        | None
+    ) = None
     gaze: Annotated[str, described("Direction of gaze in degrees, right and up.", metavar="X,Y")] = "0,0"
-    adaptation: Annotated[
-        Annotated[float, Meta(ge=1e-6, le=1e9)] | None,
-        described("Luminance the eye is adapted to; the image's unless given.", metavar="CD_M2"),
-    ] = None
-    mean_luminance_cd_m2: MeanLuminance = None
-    width_px: WidthPx = None
-    height_px: HeightPx = None
+    adaptation: (
+        Annotated[
+            float,
+            described("Luminance the eye is adapted to; the image's unless given.", ge=1e-6, le=1e9, metavar="CD_M2"),
+        ]
+        | None
+    ) = None
+    mean_luminance_cd_m2: MeanLuminance | None = None
+    width_px: WidthPx | None = None
+    height_px: HeightPx | None = None
     fov_deg: FovDeg = 104.0
     lights: Annotated[
         tuple[str, ...],
@@ -296,7 +306,7 @@ class PageConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_onl
     host: Annotated[str, described("Where the console's page is served; another than 127.0.0.1 needs a --token.")] = (
         "127.0.0.1"
     )
-    port: Annotated[Annotated[int, Meta(ge=0, le=65535)], described("Of the console's page; 0 for any.")] = 8080
+    port: Annotated[int, described("Of the console's page; 0 for any.", ge=0, le=65535)] = 8080
     token: Annotated[
         str | None, described("What a browser must show, or a file that holds it; needed beyond this machine.")
     ] = None

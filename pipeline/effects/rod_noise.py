@@ -47,7 +47,8 @@ class RodNoise(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         bool, described("Off by default: the display and the eyes of the viewer have noise of their own.")
     ] = False
     seed: Annotated[
-        int, described("Which of all noises; the same seed and time give the same noise.", ge=0, lt=2**32)
+        int,
+        described("Which of all noises; the same seed and time give the same noise.", ge=0, lt=2**32, slider=(0, 100)),
     ] = 0
     grain_deg: Annotated[
         float,

@@ -36,7 +36,9 @@ class Planning(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     budget_ms: Annotated[
         Annotated[float, msgspec.Meta(gt=0.0, le=1e6)] | None,
         described(
-            "Time that a frame may take: of all plans that fit, the one of least predicted error. None: what it takes."
+            "Time that a frame may take: of all plans that fit, the one of least predicted error. None: what it takes.",
+            slider=(5.0, 500.0),
+            first=True,
         ),
     ] = None
 

@@ -50,6 +50,7 @@ class Tone(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
             "L_white of `reinhard`, the smallest exposed luminance that is shown at the display's peak (KRI 4.20).",
             ge=0.5,
             le=1e6,
+            slider=(0.5, 100.0),
         ),
     ] = 2.0
     curve: Annotated[

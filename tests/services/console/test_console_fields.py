@@ -5,7 +5,7 @@ from typing import Annotated
 import msgspec
 import pytest
 
-from entoptic.services.console.fields import FIRST, SLIDERS, fields, session_fields
+from entoptic.services.console.fields import fields, session_fields
 from entoptic.services.records import leaves as leaves_of
 from entoptic.services.session_config import SessionConfig
 from entoptic.services.settings import Settings, changed
@@ -28,8 +28,10 @@ def test_every_setting_is_there_once_with_its_default() -> None:
 
 
 def test_those_of_lui_come_first() -> None:
-    assert tuple(field.path for field in fields()[: len(FIRST)]) == FIRST
-    assert [field.first for field in fields()] == [field.path in FIRST for field in fields()]
+    lids = tuple(f"observer.ocular_dynamics.{name}" for name in ("lids", "lashes", "squint", "hippus"))
+    tuned = tuple(f"observer.{name}" for name in ("age_years", "iris", "particles", "particle_mm", "defocus_d"))
+    assert tuple(field.path for field in fields() if field.first) == (*tuned, *lids, "plan.budget_ms")
+    assert [field.first for field in fields()] == sorted((field.first for field in fields()), reverse=True)
 
 
 def test_sentences_come_from_the_records() -> None:
@@ -78,7 +80,7 @@ def test_every_choice_can_be_made() -> None:
         if field.kind == "choice" and field.path != "tone.operator":
             for value, _ in field.options:
                 changed(Settings(), {field.path: value})
-    assert set(SLIDERS) <= {field.path for field in NUMBERS}
+    assert {field.path for field in fields() if field.slider} <= {field.path for field in NUMBERS}
 
 
 def test_changes_leave_the_rest_and_wrong_ones_say_why() -> None:
