@@ -13,8 +13,8 @@ from entoptic.pipeline import FrameError
 
 LEVEL, REASON, MS = "_level", "_reason", "_ms"
 """Ends of plan.csv's columns."""
-NOT_A_FRAMES_WORK = frozenset({"total", "scene"})
-"""Times that are no part of perceiving: their sum, and making the scene."""
+NOT_A_FRAMES_WORK = frozenset({"total", "scene", "sample_to_state", "state_to_frame", "frame_to_sink"})
+"""Times that are no part of perceiving: their sum, making the scene, and the latencies of a live frame."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -56,7 +56,7 @@ def read(path: Path) -> Timeline:
     with path.open(newline="", encoding="utf-8") as stream:
         rows = list(csv.DictReader(stream))
     if not rows:
-        raise FrameError(f"{path} holds no frame; render the session anew: entoptic session")
+        raise FrameError(f"{path} holds no frame; render the session again: entoptic session")
     t_s = np.array([float(row["t_s"]) for row in rows])
     step_s = float(np.median(np.diff(t_s))) if t_s.size > 1 else 1.0
     ends_s = np.append(t_s[1:], t_s[-1] + step_s)
