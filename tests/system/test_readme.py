@@ -3,16 +3,17 @@
 import re
 import shlex
 from pathlib import Path
+from typing import Any
 
-import click
 import pytest
-import typer
+import typer.core
+import typer.main
 
 from entoptic.services.cli import app
 
 ROOT = Path(__file__).parents[2]
 PAGES = (ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md")))
-TYPED = re.compile(r"^(?: {4}|\$ )entoptic (.*?)(?:\s+#.*|\s*[&|].*)?$", re.MULTILINE)
+TYPED = re.compile(r"^(?: {4}|\$ )entoptic (.*?)(?: {3}.*| +#.*|\s*[&|].*)?$", re.MULTILINE)
 COMMANDS = sorted({typed for page in PAGES for typed in TYPED.findall(page.read_text(encoding="utf-8"))})
 
 
@@ -22,13 +23,12 @@ def test_there_are_commands_to_try() -> None:
 
 @pytest.mark.parametrize("typed", COMMANDS)
 def test_a_command_is_understood(typed: str) -> None:
-    group = typer.main.get_command(app)
-    words = shlex.split(typed)
-    with click.Context(group, info_name="entoptic") as context:
-        while isinstance(group, click.Group) and words and not words[0].startswith("-"):
-            _, group, words = group.resolve_command(context, words)
-            assert group is not None
-        group.make_context("entoptic", words, parent=context)
+    command: Any = typer.main.get_command(app)
+    context, words = None, shlex.split(typed)
+    while isinstance(command, typer.core.TyperGroup) and words and not words[0].startswith("-"):
+        context = command.context_class(command, parent=context)
+        _, command, words = command.resolve_command(context, words)
+    command.make_context("entoptic", words, parent=context)
 
 
 def test_the_python_in_the_readme_runs(capsys: pytest.CaptureFixture[str]) -> None:
