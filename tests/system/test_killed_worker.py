@@ -13,7 +13,6 @@ import msgspec
 import pytest
 
 from entoptic.pipeline import Planning
-from entoptic.pipeline.plan import Effect
 from entoptic.services.config import BridgeConfig, Save, ViewConfig, WorkerLinks
 from entoptic.services.ipc.addresses import free_addresses
 from entoptic.services.ipc.client import ControlError, Reply, ask
@@ -68,7 +67,7 @@ def test_a_killed_worker_goes_on_and_its_take_is_rendered_again(tmp_path: Path) 
     )
     view = ViewConfig(fps=10.0, width_px=60, height_px=50)
     config = WorkerConfig(
-        links=links, view=view, settings=Settings(plan=Planning(leave_out=frozenset({Effect.ACUITY})))
+        links=links, view=view, settings=Settings(plan=Planning(leave_out=frozenset({"acuity"})))
     )
     worker = started("worker", config)
     try:
