@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from entoptic.services.command_line import options
 from entoptic.services.config import FoldersConfig, PageConfig
-from entoptic.services.process import Stop, prepare_jax
+from entoptic.services.process import Stop, leave, prepare_jax
 from entoptic.services.terminal import console as terminal
 
 
@@ -17,3 +17,4 @@ def console(page: PageConfig, folders: FoldersConfig) -> None:
     from entoptic.services.live.web import Web
 
     foreground.idle(Web(page, folders), stop, terminal)
+    leave(0)

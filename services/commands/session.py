@@ -72,7 +72,7 @@ def session(
             from entoptic.services.live import foreground
             from entoptic.services.live.web import Web
 
-            raise typer.Exit(foreground.session(opened, final, Web(page) if in_browser else None, stop, console))
+            leave(foreground.session(opened, final, Web(page) if in_browser else None, stop, console))
         from entoptic.services.session import offline
 
         outcome = offline.keep(opened, final, stop, console)
