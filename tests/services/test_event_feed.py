@@ -15,7 +15,7 @@ from bridges import (
     times,
 )
 
-from entoptic.services import event_feed
+from entoptic.services import event_recovery
 from entoptic.services.reader import StateReader
 from entoptic.tracker_bridge import replay, wire
 from entoptic.tracker_bridge.events import Event, SourceSilent
@@ -90,7 +90,7 @@ def test_a_replay_that_is_of_no_use_is_given_up_and_new_events_come(
     monkeypatch: pytest.MonkeyPatch,
     answer: bytes | str | None,
 ) -> None:
-    monkeypatch.setattr(event_feed, "ANSWER_WITHIN_S", 0.05)
+    monkeypatch.setattr(event_recovery, "ANSWER_WITHIN_S", 0.05)
     if answer == "wrong stream":
         answer = wire.encode_answer(wire.Replayed((lossy.message(2, stream=9),)))
     reader = subscribed(lossy, connect)
@@ -124,3 +124,24 @@ def test_an_event_that_cannot_be_read_costs_no_other(lossy: LossyBridge, connect
     got += events_until(reader, 3 - len(got))
     assert times(got) == [1, 3, 4]
     assert reader.events.lost == 1
+
+
+def test_answers_whose_events_had_already_come_are_no_failed_attempts(
+    lossy: LossyBridge, connect: Callable[..., StateReader]
+) -> None:
+    reader = subscribed(lossy, connect)
+    lossy.events.send(lossy.message(1))
+    got = events_until(reader, 1)
+    lossy.events.send(lossy.message(2, heartbeat=True))
+    for number in range(2, 8):
+        while not lossy.replay.poll(10):
+            got += reader.events.read(10)
+            assert reader.events.lost == 0
+        assert wire.decode_request(lossy.replay.recv()) == number
+        lossy.events.send(lossy.message(number))
+        got += events_until(reader, 1)
+        lossy.events.send(lossy.message(number + 1, heartbeat=True))
+        assert reader.events.read(int(PATIENCE_S * 1e3)) == []
+        lossy.replay.send(wire.encode_answer(wire.Replayed((lossy.message(number),))))
+    assert times(got) == list(range(1, 8))
+    assert reader.events.lost == 0
