@@ -79,7 +79,7 @@ def _page(folder: Path, summary: dict[str, Any], states: Table, events: Table, p
         events=Counter(events.get("event", ())).most_common(),
         latency=latency.figures(plan),
         plots=[(title, svg(draw(subject))) for title, draw, needs in PLOTS if subject.has(needs)],
-        again=(folder / "moments.msgpack").exists(),
+        again=(folder / "render_log.msgpack").exists(),
         most_stretches=MOST_STRETCHES,
     )
 

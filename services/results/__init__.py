@@ -2,7 +2,7 @@
 
 frames.py      of each frame: film, pictures, a row of plan.csv
 tally.py       plan.csv, and what it comes to
-moments.py     what each frame was rendered from, so that it can be rendered again
+render_log.py  what each frame was rendered from, so that it can be rendered again
 kept.py        exact msgpack, arrays too
 appended.py    files that grow whole line by whole line
 session_file.py  session.json and copies of the files that a session needs

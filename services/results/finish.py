@@ -13,8 +13,8 @@ from entoptic.pipeline.frame import FrameError
 from entoptic.pipeline.sinks.video_parts import begins_s, join
 from entoptic.services.results.folder import BRIDGE, WORKER
 from entoptic.services.results.frames import film_parts
-from entoptic.services.results.moments import FILE as MOMENTS
-from entoptic.services.results.moments import Moment, Moments, MomentsError, Perceive, Resumed
+from entoptic.services.results.render_log import FILE as RENDER_LOG
+from entoptic.services.results.render_log import FrameRecord, Perceive, RenderLog, RenderLogError, Resumed
 from entoptic.services.results.tally import PLAN, Tally, WorkerSummary
 
 FILM = "perceived.mp4"
@@ -31,7 +31,7 @@ def finish(folder: Path) -> dict[str, Any]:
     """Makes a take's folder whole, and says what a summary needs of its frames; raises nothing. It can be done again.
 
     worker: what the worker did (WorkerSummary), from the tables where its own last word is missing; its frames are
-        those of the moments, which are written before a frame's row
+        those of the render log, which are written before a frame's row
     bridge: what the bridge said at its end, None where that is missing
     perception: settings of the first frame; missing where it cannot be read
     film: name of the film, None without one
@@ -49,11 +49,11 @@ def finish(folder: Path) -> dict[str, Any]:
     }
     seen = None
     try:
-        moments = Moments(folder / MOMENTS)
-        seen = _Seen(moments)
-        done["perception"] = msgspec.to_builtins(moments.begun.perception)
-        notes += [] if moments.note is None else [moments.note]
-    except MomentsError as error:
+        render_log = RenderLog(folder / RENDER_LOG)
+        seen = _Seen(render_log)
+        done["perception"] = msgspec.to_builtins(render_log.begun.perception)
+        notes += [] if render_log.note is None else [render_log.note]
+    except RenderLogError as error:
         notes.append(f"{error}.")
     return {
         **done,
@@ -65,22 +65,22 @@ def finish(folder: Path) -> dict[str, Any]:
 
 
 class _Seen:
-    """What all moments of a take come to; times are the tables'. Raises MomentsError."""
+    """What the render log of a recording comes to; times are the tables'. Raises RenderLogError."""
 
-    def __init__(self, moments: Moments) -> None:
-        self.fps, self.frames, self.sha256 = moments.begun.view.fps, 0, ""
+    def __init__(self, render_log: RenderLog) -> None:
+        self.fps, self.frames, self.sha256 = render_log.begun.view.fps, 0, ""
         self.changed_s: list[float] = []
         self.restarted_s: list[float] = []
         first_s = last_s = 0.0
-        zero_s, resumed = moments.begun.zero_s, False
-        shown = present = moments.begun.perception
-        for record in moments:
+        zero_s, resumed = render_log.begun.zero_s, False
+        shown = present = render_log.begun.perception
+        for record in render_log:
             match record:
                 case Perceive():
                     present = record.perception
                 case Resumed():
                     zero_s, present, resumed = record.zero_s, record.perception, True
-                case Moment():
+                case FrameRecord():
                     last_s = record.t_s - zero_s
                     first_s = last_s if not self.frames else first_s
                     self.changed_s += [last_s] if present != shown else []

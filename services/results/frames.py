@@ -1,4 +1,4 @@
-"""What a worker leaves behind: frames, moments, plan.csv, picture pairs for the report, and a summary of it all."""
+"""What a worker leaves behind: frames, render log, plan.csv, picture pairs for the report, and a summary of it all."""
 
 from __future__ import annotations
 
@@ -20,10 +20,10 @@ from entoptic.pipeline.sinks.video_parts import Part
 from entoptic.services.config import Save
 from entoptic.services.ipc.messages import LatencyMs
 from entoptic.services.rendering import Rendered
-from entoptic.services.results import kept, moments
+from entoptic.services.results import kept, render_log
 from entoptic.services.results.appended import Appended, row, whole_rows
 from entoptic.services.results.folder import WORKER
-from entoptic.services.results.moments import Begun, Moment, Moments, Perceive, Resumed
+from entoptic.services.results.render_log import Begun, FrameRecord, Perceive, RenderLog, Resumed
 from entoptic.services.results.tally import PLAN, Heard, Tally, WorkerSummary, plan_columns
 from entoptic.services.settings import Settings
 
@@ -38,14 +38,14 @@ class Results:
     """Everything that frames leave in a folder.
 
     A context. One film is whole only if it is left in peace; films in `parts`, and all else, can be read at every
-    moment. In a folder that another process began, this goes on where that one was: it reads that one's moments and
+    moment. In a folder that another process began, this goes on where that one was: it reads that one's log and
     rows first, 5 s for an hour of them.
     """
 
     def __init__(
         self, folder: Path, begun: Begun, save: frozenset[Save], *, parts: bool, frames: int | None = None
     ) -> None:
-        """`frames` is how many are to come, if that is known. Raises OSError, and MomentsError for what lies there."""
+        """`frames` is how many are to come, if that is known. Raises OSError, RenderLogError for what lies there."""
         self._folder, self._begun, self._save, self._parts = folder, begun, save, parts
         self._every = max(round(KEY_EVERY_S * begun.view.fps) if frames is None else frames // KEY_FRAMES, 1)
         self._pair_due = self._every // 2
@@ -64,17 +64,17 @@ class Results:
             self._files = files.pop_all()
 
     def _open(self, files: contextlib.ExitStack) -> None:
-        record, plan = self._folder / moments.FILE, self._folder / PLAN
-        before = Moments(record) if self._parts and record.exists() and record.stat().st_size else None
+        record, plan = self._folder / render_log.FILE, self._folder / PLAN
+        before = RenderLog(record) if self._parts and record.exists() and record.stat().st_size else None
         last = None if before is None else before.last()
         # The last word of a worker before this one is none any more.
         (self._folder / WORKER).unlink(missing_ok=True)
-        self._moments = files.enter_context(Appended(record, 0 if before is None else before.whole_bytes))
+        self._render_log = files.enter_context(Appended(record, 0 if before is None else before.whole_bytes))
         self._plan = files.enter_context(Appended(plan, 0 if before is None else whole_rows(plan)))
         if not self._plan.size:
             self._plan.write(row(plan_columns(self._begun.eyes)))
         if before is None:
-            self._moments.write(kept.encode(self._begun))
+            self._render_log.write(kept.encode(self._begun))
             return
         self._tally = Tally.read(plan, self._begun.view.fps)
         with contextlib.suppress(OSError, ValueError):
@@ -109,8 +109,8 @@ class Results:
     def _pair_gap(self) -> int:
         return int(self._every * 2 ** (len(self._pairs) // PAIRS))
 
-    def _record(self, record: moments.Record) -> None:
-        self._moments.write(kept.encode(record))
+    def _record(self, record: render_log.Record) -> None:
+        self._render_log.write(kept.encode(record))
 
     def perceive(self, perception: Settings) -> None:
         """Settings change, from the next frame on."""
@@ -125,17 +125,17 @@ class Results:
 
     def check(self) -> None:
         """Raises OSError where somebody deleted or moved the files: writing would go on into nowhere."""
-        self._moments.check()
+        self._render_log.check()
         self._plan.check()
 
-    def add(self, rendered: Rendered, moment: Moment) -> None:
+    def add(self, rendered: Rendered, record: FrameRecord) -> None:
         """Keeps one more frame, and what it was rendered from. Raises OSError or OutputError where it cannot."""
         t_s = rendered.t_s - self._zero_s
         if self._first is None:
             self._first = min(rendered.frame_number, rendered.frame_number - round(t_s * self._begun.view.fps))
         index = rendered.frame_number - self._first
         self._hash.update(rendered.perceived.image.tobytes())
-        self._record(msgspec.structs.replace(moment, sha256=self.digest))
+        self._record(msgspec.structs.replace(record, sha256=self.digest))
         image = side_by_side(rendered.perceived.image)
         if Save.VIDEO in self._save:
             self._film(image, index)

@@ -14,7 +14,7 @@ from entoptic.pipeline import EFFECTS
 from entoptic.pipeline.plan import OFF, SKIPPED
 from entoptic.services.ipc.messages import LatencyMs
 from entoptic.services.rendering import Rendered
-from entoptic.services.results.moments import Begun
+from entoptic.services.results.render_log import Begun
 from entoptic.tracker_bridge.wire import Eye
 
 PLAN = "plan.csv"

@@ -20,8 +20,8 @@ from entoptic.services.results import session_file
 from entoptic.services.results.finish import finish, write_summary
 from entoptic.services.results.folder import BRIDGE, results_folder
 from entoptic.services.results.frames import Results
-from entoptic.services.results.moments import FILE as MOMENTS
-from entoptic.services.results.moments import Moment, Moments, MomentsError, Perceive, Resumed
+from entoptic.services.results.render_log import FILE as RENDER_LOG
+from entoptic.services.results.render_log import FrameRecord, Perceive, RenderLog, RenderLogError, Resumed
 from entoptic.services.results.session_file import SessionFile
 from entoptic.services.session.watch import SessionError, Work, watch
 from entoptic.services.session_config import view_of
@@ -34,12 +34,12 @@ TABLES = ("states.csv", "events.csv", BRIDGE, session_file.FILE, "settings.toml"
 def run(before: Path, out: Path, save: frozenset[Save], stop: Stop, console: Console) -> None:
     """Renders the session in a folder again into another one, with a report of its own.
 
-    Raises SessionError, StoppedError, SessionFileError, MomentsError, ResultsFolderError, and FrameError for a scene
+    Raises SessionError, StoppedError, SessionFileError, RenderLogError, ResultsFolderError, and FrameError for a scene
     that is gone; then no folder is left.
     """
     session = session_file.read(before)
-    if not (before / MOMENTS).exists():
-        raise SessionError(f"{before} holds no {MOMENTS}: nothing was kept from which frames could be rendered again")
+    if not (before / RENDER_LOG).exists():
+        raise SessionError(f"{before} holds no {RENDER_LOG}: its frames cannot be rendered again")
     if out.resolve() == before.resolve():
         raise SessionError(f"{out} is that session itself: choose another --out")
     with results_folder(out) as folder:
@@ -66,13 +66,13 @@ def render(
 ) -> int | None:
     """Renders all frames of a folder into another one; the number of the first that is not what it was.
 
-    Raises MomentsError, FrameError for a scene that is gone, and SessionFileError for one that is another now.
+    Raises RenderLogError, FrameError for a scene that is gone, and SessionFileError for one that is another now.
     """
-    if (out / MOMENTS).exists() and (out / MOMENTS).samefile(before / MOMENTS):
-        raise MomentsError(f"{out} holds the frames that are to be rendered again: name another folder")
-    moments = Moments(before / MOMENTS)
-    begun = moments.begun
-    work.frames = sum(isinstance(record, Moment) for record in moments)
+    if (out / RENDER_LOG).exists() and (out / RENDER_LOG).samefile(before / RENDER_LOG):
+        raise RenderLogError(f"{out} holds the frames that are to be rendered again: name another folder")
+    render_log = RenderLog(before / RENDER_LOG)
+    begun = render_log.begun
+    work.frames = sum(isinstance(record, FrameRecord) for record in render_log)
     work.stage = "compiling"
     scene = open_scene(
         _path("scene", begun.view.scene, session, before), mean_luminance_cd_m2=begun.view.mean_luminance_cd_m2
@@ -82,7 +82,7 @@ def render(
     first_different = None
     frames = None if begun.live else work.frames
     with Results(out, begun, save, parts=begun.live, frames=frames) as results:
-        for record in moments:
+        for record in render_log:
             if stop():
                 break
             match record:
@@ -93,7 +93,7 @@ def render(
                     rendering.perception = _here(record.perception, session, before)
                     rendering.costs, rendering.memory = record.costs, record.state
                     results.resume(record)
-                case Moment():
+                case FrameRecord():
                     rendered = rendering.render(
                         record.frame, record.t_s, record.dt_s, record.head, record.state, record.saccade_impulses
                     )

@@ -31,7 +31,7 @@ from entoptic.services.results import session_file
 from entoptic.services.results.finish import finish, write_summary
 from entoptic.services.results.folder import BRIDGE, results_folder
 from entoptic.services.results.frames import Results
-from entoptic.services.results.moments import Moment, begin
+from entoptic.services.results.render_log import FrameRecord, begin
 from entoptic.services.results.tally import Heard
 from entoptic.services.session.eyes import RecordedEyes
 from entoptic.services.session.watch import Work, watch
@@ -113,7 +113,7 @@ def _render(opened: OpenedSession, folder: Path, stop: Stop, work: Work) -> Outc
                 dt_s, impulses = t_s - before_s, kicks_of(saccades, t_ns)
                 head = path.step(t_s, dt_s, head, gaze_deg(state))
                 rendered = rendering.render(work.frame, t_s, dt_s, head, state, impulses)
-                results.add(rendered, Moment(work.frame, t_s, dt_s, head, state, impulses, 0))
+                results.add(rendered, FrameRecord(work.frame, t_s, dt_s, head, state, impulses, 0))
                 results.note(rendered)
                 work.frame += 1
         eyes.finish()

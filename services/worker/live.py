@@ -31,7 +31,7 @@ from entoptic.services.process import Stop, cache_folder
 from entoptic.services.reader import StateReader
 from entoptic.services.rendering import Rendered, Rendering, frames_known, gaze_deg, kicks_of
 from entoptic.services.results import finish as takes
-from entoptic.services.results.moments import Moment, begin
+from entoptic.services.results.render_log import FrameRecord, begin
 from entoptic.services.results.tally import Heard, WorkerSummary
 from entoptic.services.session_config import EYES, WorkerConfig, open_view, view_of
 from entoptic.services.settings import Settings
@@ -234,13 +234,13 @@ class LiveWorker:
         timings = tuple(rendered.perceived.timings)
         self._rendering.correct(timings)
         self._t_s, self._head, self._frame = t_s, head, frame
-        moment = Moment(frame, t_s, dt_s, head, self._state, saccade_impulses, self._dropped, timings)
-        self._sink(rendered, moment, begun_ns)
+        record = FrameRecord(frame, t_s, dt_s, head, self._state, saccade_impulses, self._dropped, timings)
+        self._sink(rendered, record, begun_ns)
 
-    def _sink(self, rendered: Rendered, moment: Moment, begun_ns: int) -> None:
+    def _sink(self, rendered: Rendered, record: FrameRecord, begun_ns: int) -> None:
         """Keeps a frame and shows it; its row is written last, since it says how long that took."""
         sink_ns = time.monotonic_ns()
-        self._take.add(rendered, moment)
+        self._take.add(rendered, record)
         kept_ns = time.monotonic_ns()
         self._recent.append(kept_ns)
         if self._publisher is not None:

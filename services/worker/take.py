@@ -14,8 +14,8 @@ from entoptic.services.ipc.messages import LatencyMs
 from entoptic.services.rendering import Rendered
 from entoptic.services.results.finish import write_summary
 from entoptic.services.results.frames import Results
-from entoptic.services.results.moments import FILE as MOMENTS
-from entoptic.services.results.moments import Begun, Moment
+from entoptic.services.results.render_log import FILE as RENDER_LOG
+from entoptic.services.results.render_log import Begun, FrameRecord
 from entoptic.services.results.tally import Heard, WorkerSummary
 from entoptic.services.settings import Settings
 
@@ -38,7 +38,7 @@ class WorkerTake:
     def begin(self, folder: str, start_ns: int, begun: Begun, save: frozenset[Save], heard: Heard) -> None:
         """Raises OSError or an EntopticError where nothing can be kept there."""
         # What a worker before this one heard went with it: then nothing is known of all of the take.
-        self._goes_on = (Path(folder) / MOMENTS).exists()
+        self._goes_on = (Path(folder) / RENDER_LOG).exists()
         self._results = Results(Path(folder), begun, save, parts=True)
         self.folder, self.start_ns, self.trouble, self._heard_before = folder, start_ns, None, heard
         self._log.info("take begins", folder=folder)
@@ -54,11 +54,11 @@ class WorkerTake:
             with self._ended_by_trouble():
                 self._results.perceive(perception)
 
-    def add(self, rendered: Rendered, moment: Moment) -> None:
+    def add(self, rendered: Rendered, record: FrameRecord) -> None:
         """Keeps a frame."""
         if self._results is not None:
             with self._ended_by_trouble():
-                self._results.add(rendered, moment)
+                self._results.add(rendered, record)
 
     def note(self, rendered: Rendered, latency: LatencyMs | None) -> None:
         """Keeps its row."""

@@ -26,7 +26,7 @@ from entoptic.services.rendering import Rendering
 from entoptic.services.results import finish as takes
 from entoptic.services.results import kept
 from entoptic.services.results.frames import Results
-from entoptic.services.results.moments import Moment, Moments, MomentsError, begin
+from entoptic.services.results.render_log import FrameRecord, RenderLog, RenderLogError, begin
 from entoptic.services.results.tally import Heard
 from entoptic.services.session.again import render
 from entoptic.services.session.watch import Work
@@ -70,9 +70,9 @@ class Session:
             rendered = self.rendering.render(frame, t_s, t_s - self.t_s, head, seen, saccade_impulses)
             timings = tuple(rendered.perceived.timings)
             self.rendering.correct(timings)
-            moment = Moment(frame, t_s, t_s - self.t_s, head, seen, saccade_impulses, 0, timings)
+            record = FrameRecord(frame, t_s, t_s - self.t_s, head, seen, saccade_impulses, 0, timings)
             self.t_s = t_s
-            results.add(rendered, moment)
+            results.add(rendered, record)
             results.note(rendered, LatencyMs(1.0, 2.0, 3.0) if frame % 2 else None)
 
     def checkpoint(self) -> Checkpoint:
@@ -108,9 +108,9 @@ def take(tmp_path_factory: pytest.TempPathFactory) -> Path:
     keeper.write(session.checkpoint())
     session.frames(results, [10, 12])
     # The worker is killed: nothing is closed, the last record and the last row are torn.
-    for name in ("moments.msgpack", "plan.csv"):
+    for name in ("render_log.msgpack", "plan.csv"):
         with (folder / name).open("ab") as file:
-            file.write(b"\x87\xa2" if name.startswith("m") else b"13,0.5")
+            file.write(b"\x87\xa2" if name.endswith(".msgpack") else b"13,0.5")
     remembered = keeper.read(VIEW)
     assert remembered is not None
     anew = Session(remembered.perception)
@@ -122,7 +122,7 @@ def take(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def test_a_take_is_rendered_again_to_the_bit(take: Path, tmp_path: Path) -> None:
-    digests = [record.sha256 for record in Moments(take / "moments.msgpack") if isinstance(record, Moment)]
+    digests = [record.sha256 for record in RenderLog(take / "render_log.msgpack") if isinstance(record, FrameRecord)]
     assert len(set(digests)) == 11
     assert rendered_again(take, tmp_path, SAVE) is None
     summary = json.loads((tmp_path / "worker.json").read_text())
@@ -137,15 +137,15 @@ def rendered_again(before: Path, out: Path, save: frozenset[Save] = frozenset())
 def test_a_frame_that_is_another_is_named(take: Path, tmp_path: Path) -> None:
     """The order of the eyes' gaze matters to every frame after it."""
     shutil.copytree(take, tmp_path / "other")
-    moments = Moments(take / "moments.msgpack")
-    records = [moments.begun, *moments]
+    render_log = RenderLog(take / "render_log.msgpack")
+    records = [render_log.begun, *render_log]
     for k, record in enumerate(records):
-        if isinstance(record, Moment) and record.frame == 9:
+        if isinstance(record, FrameRecord) and record.frame == 9:
             records[k] = msgspec.structs.replace(record, head=Head(30.0, 0.0, 0.0))
-    (tmp_path / "other" / "moments.msgpack").write_bytes(b"".join(kept.encode(record) for record in records))
+    (tmp_path / "other" / "render_log.msgpack").write_bytes(b"".join(kept.encode(record) for record in records))
     (tmp_path / "new").mkdir()
     assert rendered_again(tmp_path / "other", tmp_path / "new") == 9
-    with pytest.raises(MomentsError, match="name another folder"):
+    with pytest.raises(RenderLogError, match="name another folder"):
         rendered_again(take, take)
 
 
@@ -198,7 +198,7 @@ def test_what_does_not_fit_into_the_film_stays_whatever_is_done_again(take: Path
 
 
 def test_a_frame_whose_row_was_lost_counts(take: Path, tmp_path: Path) -> None:
-    """A worker that is killed between a frame's moment and its row."""
+    """A worker that is killed between a frame's record and its row."""
     shutil.copytree(take, tmp_path / "take")
     plan = tmp_path / "take" / "plan.csv"
     plan.write_bytes(plan.read_bytes()[:-20])
@@ -274,32 +274,32 @@ def test_a_checkpoint_of_no_use_is_ignored(tmp_path: Path) -> None:
 
 
 def test_moments_that_are_none_are_refused_by_name(take: Path, tmp_path: Path) -> None:
-    path = tmp_path / "moments.msgpack"
-    data = (take / "moments.msgpack").read_bytes()
-    with pytest.raises(MomentsError, match="No such file"):
-        Moments(path)
+    path = tmp_path / "render_log.msgpack"
+    data = (take / "render_log.msgpack").read_bytes()
+    with pytest.raises(RenderLogError, match="No such file"):
+        RenderLog(path)
     for broken in (b"", b"\x93\x01\x02\x03", b"PK\x03\x04" * 20, data[:40], b"\xc1" + data):
         path.write_bytes(broken)
-        with pytest.raises(MomentsError, match=r"moments\.msgpack"):
-            list(Moments(path))
+        with pytest.raises(RenderLogError, match=r"render_log\.msgpack"):
+            list(RenderLog(path))
     path.write_bytes(data + data)
-    with pytest.raises(MomentsError, match="two files in one"):
-        list(Moments(path))
+    with pytest.raises(RenderLogError, match="two files in one"):
+        list(RenderLog(path))
 
 
 def test_every_cut_leaves_whole_frames(take: Path, tmp_path: Path) -> None:
-    path = tmp_path / "moments.msgpack"
-    data = (take / "moments.msgpack").read_bytes()
-    whole = Moments(take / "moments.msgpack")
+    path = tmp_path / "render_log.msgpack"
+    data = (take / "render_log.msgpack").read_bytes()
+    whole = RenderLog(take / "render_log.msgpack")
     count = len(list(whole))
     assert whole.whole_bytes == len(data)
     assert whole.note is None
     for cut in range(1, 400, 7):
         path.write_bytes(data[:-cut])
-        moments = Moments(path)
-        left = len(list(moments))
+        render_log = RenderLog(path)
+        left = len(list(render_log))
         assert left < count
-        assert (moments.note is None) == (moments.whole_bytes == len(data) - cut)
+        assert (render_log.note is None) == (render_log.whole_bytes == len(data) - cut)
 
 
 def test_a_take_whose_folder_is_gone_ends_and_says_so(tmp_path: Path) -> None:
@@ -309,7 +309,7 @@ def test_a_take_whose_folder_is_gone_ends_and_says_so(tmp_path: Path) -> None:
     folder.mkdir()
     kept_take.begin(str(folder), 0, begin(VIEW, session.rendering, live=True), SAVE, HEARD)
     rendered = session.rendering.render(0, 0.0, 0.0, Head(), None, ())
-    kept_take.add(rendered, Moment(0, 0.0, 0.0, Head(), None, (), 0))
+    kept_take.add(rendered, FrameRecord(0, 0.0, 0.0, Head(), None, (), 0))
     kept_take.note(rendered, None)
     kept_take.check()
     assert kept_take.runs

@@ -73,10 +73,10 @@ def test_the_folder_one_stands_in_and_the_root_are_refused(tmp_path: Path, monke
 def test_a_recording_that_is_not_finished_is_never_touched(tmp_path: Path) -> None:
     unfinished = tmp_path / "take.partial"
     unfinished.mkdir()
-    (unfinished / "moments.msgpack").write_text("an hour of it")
+    (unfinished / "render_log.msgpack").write_text("an hour of it")
     with results_folder(tmp_path / "take") as folder:
         (folder / "mark").write_text("offline")
-    assert files(unfinished) == {"moments.msgpack": "an hour of it"}
+    assert files(unfinished) == {"render_log.msgpack": "an hour of it"}
     assert files(tmp_path / "take") == {"mark": "offline", ".entoptic": "mark"}
 
 

@@ -21,7 +21,7 @@ from entoptic.services.ipc.client import Reply, ask
 from entoptic.services.ipc.requests import BeginTake, EndTake, GiveStatus, Perceive
 from entoptic.services.reader import StateReader
 from entoptic.services.rendering import Rendering
-from entoptic.services.results.moments import Moment, Moments
+from entoptic.services.results.render_log import FrameRecord, RenderLog
 from entoptic.services.results.tally import WorkerSummary
 from entoptic.services.session_config import EYES, open_view, view_of
 from entoptic.services.settings import Settings
@@ -122,7 +122,7 @@ def test_who_ends_a_take_as_the_worker_stops_is_told_the_truth(
     assert ends[0].wait() == Reply(True, f"{summary.frames} frames are kept", {"frames": summary.frames})
     assert (tmp_path / "worker.json").exists()
     # Frames that were due while no worker was there are left out too.
-    first = next(record for record in Moments(tmp_path / "moments.msgpack") if isinstance(record, Moment))
+    first = next(record for record in RenderLog(tmp_path / "render_log.msgpack") if isinstance(record, FrameRecord))
     assert first.frame >= 200
     assert first.dropped == worked.before.dropped + first.frame - worked.before.frame - 1
 

@@ -20,8 +20,8 @@ from entoptic.services.config import ViewConfig
 from entoptic.services.ipc.client import ControlError, Reply, ask
 from entoptic.services.ipc.requests import GiveStatus, StartSession
 from entoptic.services.live.registry import RunningHost
-from entoptic.services.results.moments import FILE as MOMENTS
-from entoptic.services.results.moments import Moment, Moments, Resumed
+from entoptic.services.results.render_log import FILE as RENDER_LOG
+from entoptic.services.results.render_log import FrameRecord, RenderLog, Resumed
 from entoptic.services.session_config import SessionConfig
 from entoptic.tracker_bridge.sources.recording import open_recording
 
@@ -147,9 +147,9 @@ def _known(path: Path) -> bool:
 
 def frames_of(folder: Path) -> int:
     """Looks at all that a take holds, finished or not; how many frames it has."""
-    records = list(Moments(folder / MOMENTS))
-    frames = sum(isinstance(record, Moment) for record in records)
-    # A frame's row comes after its moment: each worker that was killed may have lost one, and this one may be at it.
+    records = list(RenderLog(folder / RENDER_LOG))
+    frames = sum(isinstance(record, FrameRecord) for record in records)
+    # A frame's row comes after its record: each worker that was killed may have lost one, and this one may be at it.
     lost = 1 + sum(isinstance(record, Resumed) for record in records)
     assert len(rows(folder / "plan.csv")) >= frames - lost
     states = rows(folder / "states.csv")

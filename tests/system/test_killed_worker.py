@@ -19,8 +19,8 @@ from entoptic.services.ipc.client import ControlError, Reply, ask
 from entoptic.services.ipc.requests import BeginTake, EndTake, GiveStatus, Perceive
 from entoptic.services.process import Stop
 from entoptic.services.results import finish as takes
-from entoptic.services.results.moments import Moment, Moments, Resumed
-from entoptic.services.results.moments import Perceive as PerceiveRecord
+from entoptic.services.results.render_log import FrameRecord, RenderLog, Resumed
+from entoptic.services.results.render_log import Perceive as PerceiveRecord
 from entoptic.services.session.again import render
 from entoptic.services.session.watch import Work
 from entoptic.services.session_config import WorkerConfig
@@ -98,16 +98,16 @@ def test_a_killed_worker_goes_on_and_its_take_is_rendered_again(tmp_path: Path) 
         for process in (worker, eyes):
             process.wait(60)
     # Restarted with its state: what the eyes remembered, its clock, and what it was told since it was started.
-    moments = Moments(folder / "moments.msgpack")
-    records = list(moments)
+    render_log = RenderLog(folder / "render_log.msgpack")
+    records = list(render_log)
     (at_restart,) = (record for record in records if isinstance(record, Resumed))
     told = next(record for record in records if isinstance(record, PerceiveRecord))
-    before = [record for record in records[: records.index(at_restart)] if isinstance(record, Moment)]
+    before = [record for record in records[: records.index(at_restart)] if isinstance(record, FrameRecord)]
     assert at_restart.state is not None
     assert at_restart.state.adapted_cd_m2[0] > 0
-    assert at_restart.zero_s == moments.begun.zero_s
-    assert at_restart.perception == told.perception != moments.begun.perception
-    first = next(record for record in records[records.index(at_restart) :] if isinstance(record, Moment))
+    assert at_restart.zero_s == render_log.begun.zero_s
+    assert at_restart.perception == told.perception != render_log.begun.perception
+    first = next(record for record in records[records.index(at_restart) :] if isinstance(record, FrameRecord))
     assert first.frame > before[-1].frame
     assert first.t_s == first.frame / 10
     done = takes.finish(folder)

@@ -63,7 +63,7 @@ def test_a_session_end_to_end_and_the_same_again(tmp_path: Path) -> None:
         summaries.append(json.loads((tmp_path / name / "summary.json").read_text()))
     one = tmp_path / "one"
     assert {path.name for path in one.iterdir()} == {
-        ".entoptic", "bridge.json", "events.csv", "frames", "key_frames", "moments.msgpack", "perceived.mp4",
+        ".entoptic", "bridge.json", "events.csv", "frames", "key_frames", "render_log.msgpack", "perceived.mp4",
         "plan.csv", "report.html", "scene_luminance.csv", "session.json", "settings.toml", "states.csv",
         "summary.json", "worker.json",
     }  # fmt: skip

@@ -1,4 +1,4 @@
-"""What each frame was rendered from, so that it can be rendered again to the bit: moments.msgpack.
+"""What each frame was rendered from, so that it can be rendered again to the bit: render_log.msgpack.
 
 Theory of operation: a frame is a function of the scene, of settings, of what the eyes remember from the frame before,
 and of what came from outside: the time, the head, what the bridge said, and, where the cost model follows the machine,
@@ -30,12 +30,12 @@ from entoptic.services.session_config import EYES
 from entoptic.services.settings import Settings
 from entoptic.tracker_bridge.wire import Eye, EyeState
 
-FILE = "moments.msgpack"
+FILE = "render_log.msgpack"
 VERSION = 1
 """Of the file's form."""
 
 
-class MomentsError(EntopticError):
+class RenderLogError(EntopticError):
     """Frames cannot be rendered again: the message names the file and the remedy."""
 
 
@@ -61,7 +61,7 @@ class Begun(msgspec.Struct, frozen=True, kw_only=True, tag_field="is", tag="begu
         return EYES[self.view.eyes]
 
 
-class Moment(msgspec.Struct, frozen=True, tag_field="is", tag="frame"):
+class FrameRecord(msgspec.Struct, frozen=True, tag_field="is", tag="frame"):
     """What one frame was rendered from."""
 
     frame: int
@@ -97,11 +97,11 @@ class Resumed(msgspec.Struct, frozen=True, tag_field="is", tag="resumed"):
     state: RenderState | None
 
 
-Record = Begun | Moment | Perceive | Resumed
+Record = Begun | FrameRecord | Perceive | Resumed
 
 
 def begin(view: ViewConfig, rendering: Rendering, *, live: bool, zero_s: float = 0.0) -> Begun:
-    """What a file of moments begins with."""
+    """What a render log begins with."""
     return Begun(
         program=__version__,
         view=view,
@@ -113,8 +113,8 @@ def begin(view: ViewConfig, rendering: Rendering, *, live: bool, zero_s: float =
     )
 
 
-class Moments:
-    """A file of moments, read. Raises MomentsError where it is none, or is broken in its middle."""
+class RenderLog:
+    """A render log, read. Raises RenderLogError where it is none, or is broken in its middle."""
 
     def __init__(self, path: Path) -> None:
         self._path = path
@@ -125,20 +125,20 @@ class Moments:
         """After the last record: what was left out."""
         first = next(self._records(), None)
         if not isinstance(first, Begun):
-            raise MomentsError(f"{path} is empty or begins in mid-session: nothing can be rendered again")
+            raise RenderLogError(f"{path} is empty or begins in mid-session: nothing can be rendered again")
         self.begun = first
 
-    def __iter__(self) -> Iterator[Moment | Perceive | Resumed]:
+    def __iter__(self) -> Iterator[FrameRecord | Perceive | Resumed]:
         """All records after the first."""
         for record in self._records():
             if not isinstance(record, Begun):
                 yield record
 
-    def last(self) -> Moment | None:
+    def last(self) -> FrameRecord | None:
         """The last frame; reads the file to its end."""
         last = None
         for record in self:
-            if isinstance(record, Moment):
+            if isinstance(record, FrameRecord):
                 last = record
         return last
 
@@ -162,12 +162,14 @@ class Moments:
                         record = self._decoder.decode(data[start:end])
                         if isinstance(record, Begun) and (number > 1 or record.entoptic != VERSION):
                             what = f"of form {record.entoptic}, this program reads {VERSION}"
-                            raise MomentsError(f"{self._path} is " + ("two files in one" if number > 1 else what))
+                            raise RenderLogError(f"{self._path} is " + ("two files in one" if number > 1 else what))
                         yield record
                         self.whole_bytes = start = end
         except OSError as error:
-            raise MomentsError(
+            raise RenderLogError(
                 f"{self._path} cannot be read: {error.strerror}; name the folder of a session with its {FILE}"
             ) from None
         except (msgspec.DecodeError, msgpack.UnpackException, ValueError, TypeError, AttributeError) as error:
-            raise MomentsError(f"{self._path} is broken, or not of this program, at record {number}: {error}") from None
+            raise RenderLogError(
+                f"{self._path} is broken, or not of this program, at record {number}: {error}"
+            ) from None
