@@ -3,7 +3,7 @@
 import contextlib
 import http.client
 import socket
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -14,6 +14,7 @@ from websockets.sync.client import connect
 from entoptic.services import web_server
 from entoptic.services.config import PageConfig
 from entoptic.services.console.access import ConsoleError, places, rules_for
+from entoptic.services.console.live import Places
 from entoptic.services.console.security import Rules
 from entoptic.services.live.web import Web
 
@@ -32,14 +33,17 @@ def get(served: Served, path: str, method: str = "GET", **headers: str) -> tuple
         return response.status, {name.lower(): value for name, value in response.getheaders()}, response.read()
 
 
-@pytest.fixture
-def console(serve: Callable[..., Served]) -> Served:
-    return serve()
+@pytest.fixture(scope="module")
+def console(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Served]:
+    with contextlib.closing(Served(tmp_path_factory.mktemp("open"), Places("tcp://127.0.0.1:9"))) as served:
+        yield served
 
 
-@pytest.fixture
-def guarded(serve: Callable[..., Served]) -> Served:
-    return serve(token=TOKEN, hosts=("console.example",))
+@pytest.fixture(scope="module")
+def guarded(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Served]:
+    folder, nowhere = tmp_path_factory.mktemp("guarded"), Places("tcp://127.0.0.1:9")
+    with contextlib.closing(Served(folder, nowhere, token=TOKEN, hosts=("console.example",))) as served:
+        yield served
 
 
 def visit(served: Served, **headers: str) -> contextlib.AbstractContextManager[Visitor]:
@@ -153,10 +157,11 @@ def test_no_path_leads_out(console: Served, prefix: str, way: str) -> None:
     (console.root.parent / "secret.txt").write_text("secret")
     (console.root / "secret.txt").write_text("secret")  # beside sessions, but of none
     take = console.root / "take"
-    (take / ".hidden").mkdir(parents=True)
+    (take / ".hidden").mkdir(parents=True, exist_ok=True)
     (take / "session.json").write_text("{}")
     (take / ".hidden" / "secret.txt").write_text("secret")
-    (take / "link").symlink_to(console.root.parent)
+    if not (take / "link").is_symlink():
+        (take / "link").symlink_to(console.root.parent)
     status, _, body = get(console, prefix + way)
     assert status in (400, 404), body
     assert b"secret" not in body
@@ -164,7 +169,7 @@ def test_no_path_leads_out(console: Served, prefix: str, way: str) -> None:
 
 def test_what_sessions_left_can_be_read_but_runs_no_scripts(console: Served) -> None:
     take = console.root / "take"
-    (take / "key_frames").mkdir(parents=True)
+    (take / "key_frames").mkdir(parents=True, exist_ok=True)
     for name in ("session.json", "report.html", "perceived.mp4", "key_frames/1.png"):
         (take / name).write_bytes(b"0123456789")
     for name in ("session.json", "report.html", "key_frames/1.png"):
