@@ -25,19 +25,9 @@ ROOT = Path(__file__).parents[1]
 LIMIT_S = 120
 """A fault may make a loop endless; that counts as noticed."""
 AT_A_TIME = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else 2
-HEAVY = (
-    "jax",
-    "jax.numpy",
-    "scipy.optimize",
-    "scipy.ndimage",
-    "colour",
-    "hypothesis",
-    "pytest",
-    "msgspec",
-    "OpenImageIO",
-)
+HEAVY = ("jax", "jax.numpy", "scipy.optimize", "scipy.ndimage", "colour", "hypothesis", "pytest", "msgspec")
 BUDGET = ["tests/pipeline/budget"]
-PLAN = ["tests/pipeline/plan", "tests/pipeline/budget", "tests/pipeline/test_render.py"]
+PLAN = ["tests/pipeline/plan/test_make_plan.py"]
 CHAIN = ["tests/tracker_bridge/test_chain.py", "tests/tracker_bridge/test_dropout.py"]
 CHAIN += ["tests/tracker_bridge/test_recording_lane.py", "tests/tracker_bridge/test_labelled_blinks.py"]
 TARGETS: dict[str, dict[str, list[str]]] = {
