@@ -66,9 +66,7 @@ def test_a_killed_worker_goes_on_and_its_take_is_rendered_again(tmp_path: Path) 
         states=at.states, events=at.events, control=at.worker, frames=at.frames, resume=str(tmp_path / "checkpoint")
     )
     view = ViewConfig(fps=10.0, width_px=60, height_px=50)
-    config = WorkerConfig(
-        links=links, view=view, settings=Settings(plan=Planning(leave_out=frozenset({"acuity"})))
-    )
+    config = WorkerConfig(links=links, view=view, settings=Settings(plan=Planning(leave_out=frozenset({"acuity"}))))
     worker = started("worker", config)
     try:
         wait_for_frame(at.worker, 2)
