@@ -24,19 +24,19 @@ from typing import Any
 
 import zmq
 
-from entoptic.services.config import (
+from entoptic.services.config import ViewConfig
+from entoptic.services.ipc import messages
+from entoptic.services.ipc.addresses import free_addresses
+from entoptic.services.ipc.messages import SHOWN, Shown
+from entoptic.services.live.children import Child
+from entoptic.services.process_config import (
     BridgeConfig,
     FoldersConfig,
     PageConfig,
     PageLinks,
     ServerConfig,
-    ViewConfig,
     WorkerLinks,
 )
-from entoptic.services.ipc import messages
-from entoptic.services.ipc.addresses import free_addresses
-from entoptic.services.ipc.messages import SHOWN, Shown
-from entoptic.services.live.children import Child
 from entoptic.services.session_config import WorkerConfig
 
 READY_WITHIN_S = 240.0

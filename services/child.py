@@ -32,7 +32,7 @@ def _run(name: str, line: bytes, stop: Stop, log: structlog.typing.FilteringBoun
     match name:
         case "bridge":
             from entoptic.services.bridge import process as bridges
-            from entoptic.services.config import BridgeConfig
+            from entoptic.services.process_config import BridgeConfig
 
             bridges.run(msgspec.json.decode(line, type=BridgeConfig), stop, log)
         case "worker":
@@ -42,8 +42,8 @@ def _run(name: str, line: bytes, stop: Stop, log: structlog.typing.FilteringBoun
 
             live.run(msgspec.json.decode(line, type=WorkerConfig), stop, log)
         case "web":
-            from entoptic.services.config import ServerConfig
             from entoptic.services.console import process as pages
+            from entoptic.services.process_config import ServerConfig
 
             pages.run(msgspec.json.decode(line, type=ServerConfig), stop, log, may_make_token=False)
         case _:

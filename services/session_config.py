@@ -13,8 +13,9 @@ from entoptic.pipeline import View
 from entoptic.pipeline.effects.tone.own_curve import read_curve
 from entoptic.pipeline.scenes import Scene, open_scene
 from entoptic.pipeline.scenes.head_path import open_head_path
-from entoptic.services.config import Eyes, EyesConfig, ViewConfig, WorkerLinks
+from entoptic.services.config import Eyes, EyesConfig, ViewConfig
 from entoptic.services.eye_data import open_eyes
+from entoptic.services.process_config import WorkerLinks
 from entoptic.services.settings import Settings
 from entoptic.tracker_bridge import pupil_map
 from entoptic.tracker_bridge.source import Source

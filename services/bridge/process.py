@@ -13,12 +13,11 @@ from entoptic.services import keys as key_files
 from entoptic.services.bridge.handler import BridgeHandler
 from entoptic.services.bridge.pupil_calibration import PupilCalibration
 from entoptic.services.bridge.scene_light import SceneLight
-from entoptic.services.bridge.tables import Tables
-from entoptic.services.config import BridgeConfig
 from entoptic.services.eye_data import ROOM_CD_M2, open_eyes, open_live_eyes
 from entoptic.services.ipc.handler import RequestHandler
 from entoptic.services.ipc.requests import BridgeRequest
 from entoptic.services.process import Stop
+from entoptic.services.process_config import BridgeConfig
 from entoptic.tracker_bridge import bridge
 from entoptic.tracker_bridge import pupil_map as pupil_maps
 from entoptic.tracker_bridge.access import ServerKeys
@@ -40,8 +39,8 @@ QUIET = (ClockEstimated, Heartbeat, SaccadeOnset, SaccadeOffset)
 def run(config: BridgeConfig, stop: Stop, log: structlog.typing.FilteringBoundLogger) -> None:
     """Publishes a source to its end, or until asked to stop.
 
-    Raises SourceError, PupilMapError, PortInUseError or OpenAddressError; SourceError also where a recording or a table
-    cannot be written.
+    Raises SourceError, PupilMapError, PortInUseError or OpenAddressError; RecordingError where a recording cannot be
+    written.
     """
     _refuse_odd(config)
     source = _open(config)
@@ -66,7 +65,6 @@ def run(config: BridgeConfig, stop: Stop, log: structlog.typing.FilteringBoundLo
         )
         opened.callback(control.close)
         places = _open_session(source, handler, config, keys, publisher) if config.live else {}
-        on_record = opened.enter_context(_tables(config.tables))
         states_at, events_at = publisher.addresses
         log.info(
             "ready", source=source.info.name, states=states_at, events=events_at, control=control.address, **places
@@ -80,7 +78,6 @@ def run(config: BridgeConfig, stop: Stop, log: structlog.typing.FilteringBoundLo
             handler.item(item)
 
         def note(record: EyeState | Event) -> None:
-            on_record(record)
             handler.record(record)
             if live and not isinstance(record, (EyeState, *QUIET)):
                 log.info(type(record).__name__, **msgspec.to_builtins(record))
@@ -164,32 +161,3 @@ def _recording(
         yield add
         if recorder.unwritable:
             log.warning("recording", directions_beyond_90_deg_left_out=recorder.unwritable)
-
-
-@contextlib.contextmanager
-def _tables(named: str | None) -> Iterator[Callable[[EyeState | Event], None]]:
-    """A writer of states.csv and events.csv, or of nothing without a folder."""
-    if named is None:
-        yield lambda record: None
-        return
-    folder = Path(named)
-    with _named(folder):
-        folder.mkdir(parents=True, exist_ok=True)
-        tables = Tables(folder)
-
-    def add(record: EyeState | Event) -> None:
-        with _named(folder):
-            tables.add(record)
-
-    with contextlib.closing(tables):
-        yield add
-
-
-@contextlib.contextmanager
-def _named(folder: Path) -> Iterator[None]:
-    try:
-        yield
-    except OSError as error:
-        raise SourceError(
-            f"tables in {folder} cannot be written: {error.strerror}; make room, or choose another --tables"
-        ) from None

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from entoptic.services.command_line import options
-from entoptic.services.config import BridgeConfig
 from entoptic.services.process import process
+from entoptic.services.process_config import BridgeConfig
 
 
 @options

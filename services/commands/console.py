@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from entoptic.services.command_line import options
-from entoptic.services.config import FoldersConfig, PageConfig
 from entoptic.services.process import Stop, leave, prepare_jax
+from entoptic.services.process_config import FoldersConfig, PageConfig
 from entoptic.services.terminal import console as terminal
 
 

@@ -11,9 +11,10 @@ from msgspec.structs import replace
 from rich.markup import escape
 
 from entoptic.services.command_line import options
-from entoptic.services.config import EyesConfig, PageConfig, SettingsConfig, ViewConfig
+from entoptic.services.config import EyesConfig, SettingsConfig, ViewConfig
 from entoptic.services.eye_data import SIMULATED_SECONDS
 from entoptic.services.process import INTERRUPTED, Stop, leave, prepare_jax
+from entoptic.services.process_config import PageConfig
 from entoptic.services.terminal import console
 
 

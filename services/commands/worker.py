@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from entoptic.services.command_line import options
-from entoptic.services.config import SettingsConfig, ViewConfig, WorkerLinks
+from entoptic.services.config import SettingsConfig, ViewConfig
 from entoptic.services.process import prepare_jax, process
+from entoptic.services.process_config import WorkerLinks
 
 
 @options

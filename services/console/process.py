@@ -11,12 +11,12 @@ import structlog
 from rich.markup import escape
 
 from entoptic.services import keys as key_files
-from entoptic.services.config import PageLinks, ServerConfig
 from entoptic.services.console.access import ConsoleError, places, rules_for
 from entoptic.services.console.actions import Folders
 from entoptic.services.console.live import Places
 from entoptic.services.console.server import Console, Server
 from entoptic.services.process import Stop
+from entoptic.services.process_config import PageLinks, ServerConfig
 from entoptic.services.terminal import console as terminal
 
 NICE = 10

@@ -17,7 +17,6 @@ from typing import Any, Final
 from msgspec.structs import replace
 
 from entoptic.services import recording as takes
-from entoptic.services.config import BridgeConfig, WorkerLinks
 from entoptic.services.ipc.addresses import free_addresses
 from entoptic.services.ipc.client import Client, Context, Reply
 from entoptic.services.ipc.requests import GiveStatus
@@ -25,6 +24,7 @@ from entoptic.services.ipc.status import Gap
 from entoptic.services.live.journal import Journal
 from entoptic.services.live.kept_take import KeptTake
 from entoptic.services.live.supervised import Supervised
+from entoptic.services.process_config import BridgeConfig, WorkerLinks
 from entoptic.services.results import session_file
 from entoptic.services.results.folder import ResultsFolderError
 from entoptic.services.session_config import OpenedSession, WorkerConfig

@@ -7,8 +7,8 @@ import socket
 
 from msgspec.structs import replace
 
-from entoptic.services.config import FoldersConfig, PageConfig, PageLinks, ServerConfig
 from entoptic.services.console.access import ConsoleError, rules_for
+from entoptic.services.process_config import FoldersConfig, PageConfig, PageLinks, ServerConfig
 
 
 @dataclasses.dataclass(frozen=True)

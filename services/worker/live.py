@@ -23,11 +23,12 @@ from entoptic.pipeline.optics import OpticsError
 from entoptic.pipeline.scenes import Head
 from entoptic.pipeline.scenes.head_path import HeadPath, open_head_path
 from entoptic.services import keys as key_files
-from entoptic.services.config import ViewConfig, WorkerLinks
+from entoptic.services.config import ViewConfig
 from entoptic.services.ipc.client import Reply
 from entoptic.services.ipc.messages import LatencyMs
 from entoptic.services.ipc.requests import BeginTake, EndTake
 from entoptic.services.process import Stop, cache_folder
+from entoptic.services.process_config import WorkerLinks
 from entoptic.services.reader import StateReader
 from entoptic.services.rendering import Rendered, Rendering, frames_known, gaze_deg, kicks_of
 from entoptic.services.results import finish as takes

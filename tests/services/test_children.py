@@ -8,10 +8,11 @@ from pathlib import Path
 
 import pytest
 
-from entoptic.services.config import BridgeConfig, EyesConfig
+from entoptic.services.config import EyesConfig
 from entoptic.services.live.children import Child
 from entoptic.services.live.journal import Journal
 from entoptic.services.live.supervised import Supervised
+from entoptic.services.process_config import BridgeConfig
 
 BRIDGE = BridgeConfig(live=True)
 """One without an end."""
@@ -55,7 +56,7 @@ def test_a_child_that_fails_says_why() -> None:
 
 PARENT = """
 import sys, time
-from entoptic.services.config import BridgeConfig
+from entoptic.services.process_config import BridgeConfig
 from entoptic.services.live.children import Child
 child = Child("bridge", BridgeConfig(live=True))
 while not any(one["event"] == "ready" for one in child.drain()):

@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from msgspec import Meta
 from typer.testing import CliRunner
 
-from entoptic.services import config as configs
+from entoptic.services import config, process_config
 from entoptic.services.command_line import option_names, options
 from entoptic.services.config import Eyes, EyesConfig, Save, SettingsConfig, ViewConfig
 from entoptic.services.console.fields import session_fields
@@ -23,7 +23,12 @@ from entoptic.services.session_config import OpenedSession, SessionConfig, open_
 from entoptic.services.settings import Settings, SettingsError, changed, of
 from entoptic.tracker_bridge.chain import Lane
 
-RECORDS = [kind for _, kind in inspect.getmembers(configs, is_record) if kind.__module__ == configs.__name__]
+RECORDS = [
+    kind
+    for module in (config, process_config)
+    for _, kind in inspect.getmembers(module, is_record)
+    if kind.__module__ == module.__name__
+]
 SAID_BY_THEIR_NAMES = ("observer.iris", "plan.leave_out")
 SESSION = leaves(EyesConfig) + leaves(ViewConfig)
 

@@ -16,9 +16,10 @@ from entoptic.pipeline.budget import SHIPPED
 from entoptic.pipeline.scenes import Head
 from entoptic.pipeline.scenes.head_path import open_head_path
 from entoptic.pipeline.sinks.images import write_exr
-from entoptic.services.config import ViewConfig, WorkerLinks
+from entoptic.services.config import ViewConfig
 from entoptic.services.ipc.client import Reply, ask
 from entoptic.services.ipc.requests import BeginTake, EndTake, GiveStatus, Perceive
+from entoptic.services.process_config import WorkerLinks
 from entoptic.services.reader import StateReader
 from entoptic.services.rendering import Rendering
 from entoptic.services.results.render_log import FrameRecord, RenderLog

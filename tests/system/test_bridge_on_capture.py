@@ -13,9 +13,10 @@ from pathlib import Path
 import msgspec
 import pytest
 
-from entoptic.services.config import BridgeConfig, EyesConfig
+from entoptic.services.config import EyesConfig
 from entoptic.services.ipc.client import tell
 from entoptic.services.ipc.requests import StartRecording
+from entoptic.services.process_config import BridgeConfig
 from entoptic.services.reader import StateReader
 from entoptic.tracker_bridge.events import SourceBack, SourceSilent, TaskOutcome, TrackerTask
 from entoptic.tracker_bridge.samples import PupilSample

@@ -13,11 +13,12 @@ import msgspec
 import pytest
 
 from entoptic.pipeline import Planning
-from entoptic.services.config import BridgeConfig, Save, ViewConfig, WorkerLinks
+from entoptic.services.config import Save, ViewConfig
 from entoptic.services.ipc.addresses import free_addresses
 from entoptic.services.ipc.client import ControlError, Reply, ask
 from entoptic.services.ipc.requests import BeginTake, EndTake, GiveStatus, Perceive
 from entoptic.services.process import Stop
+from entoptic.services.process_config import BridgeConfig, WorkerLinks
 from entoptic.services.results import finish as takes
 from entoptic.services.results.render_log import FrameRecord, RenderLog, Resumed
 from entoptic.services.results.render_log import Perceive as PerceiveRecord

@@ -16,10 +16,11 @@ import msgspec
 import pytest
 import zmq
 
-from entoptic.services.config import BridgeConfig, EyesConfig
+from entoptic.services.config import EyesConfig
 from entoptic.services.ipc.client import ask, tell
 from entoptic.services.ipc.messages import SHOWN, EyeShown, Shown, encode
 from entoptic.services.ipc.requests import BeginTake, CalibratePupils, EndTake, GiveStatus
+from entoptic.services.process_config import BridgeConfig
 from entoptic.services.reader import StateReader
 from entoptic.tracker_bridge.samples import Eye, GazeSample, PupilSample
 from entoptic.tracker_bridge.sources import open_source

@@ -15,11 +15,11 @@ from console_session import PATIENCE_S, MadeUpSession, Served, Visitor, wait_for
 from PIL import Image
 from websockets.sync.client import connect
 
-from entoptic.services.config import PageConfig, PageLinks, ServerConfig
 from entoptic.services.console import live
 from entoptic.services.console.live import Places
 from entoptic.services.ipc import requests as asked
 from entoptic.services.ipc.messages import DISPLAYED, PERCEIVED
+from entoptic.services.process_config import PageConfig, PageLinks, ServerConfig
 from entoptic.services.settings import Settings, changed, load
 from entoptic.tracker_bridge.wire import Phase
 

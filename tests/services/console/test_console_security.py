@@ -12,11 +12,11 @@ from websockets.exceptions import InvalidStatus
 from websockets.sync.client import connect
 
 from entoptic.services import web_server
-from entoptic.services.config import PageConfig
 from entoptic.services.console.access import ConsoleError, places, rules_for
 from entoptic.services.console.live import Places
 from entoptic.services.console.security import Rules
 from entoptic.services.live.web import Web
+from entoptic.services.process_config import PageConfig
 
 Headers = dict[str, str]
 
