@@ -19,7 +19,7 @@ from entoptic.tracker_bridge.dropout import DropoutFilter
 from entoptic.tracker_bridge.events import BlinkOffset, BlinkOnset
 from entoptic.tracker_bridge.recording_lane import RecordingLane
 from entoptic.tracker_bridge.samples import Eye, EyeState, OneEyeState, PupilSample
-from entoptic.tracker_bridge.sources.simulated import SimulatedEyes, SimulatedSettings
+from entoptic.tracker_bridge.sources.simulated.eyes import SimulatedEyes, SimulatedSettings
 
 DATA = Path(__file__).parents[2] / "shared" / "data"
 AROUND_NS = 200_000_000

@@ -10,9 +10,9 @@ from entoptic.services.calibration.run import GREY_SHARE, CalibrationRun, Room, 
 from entoptic.tracker_bridge.calibration import Protocol, Screen, Statistic, Step, luidolt, robust
 from entoptic.tracker_bridge.calibration_quality import Analysis
 from entoptic.tracker_bridge.samples import Eye
-from entoptic.tracker_bridge.sources.simulated import SimulatedSettings
-from entoptic.tracker_bridge.sources.simulated_live import SimulatedLiveEyes
-from entoptic.tracker_bridge.sources.simulated_pupil import watson_yellott_mm
+from entoptic.tracker_bridge.sources.simulated.eyes import SimulatedSettings
+from entoptic.tracker_bridge.sources.simulated.live import SimulatedLiveEyes
+from entoptic.tracker_bridge.sources.simulated.pupil import watson_yellott_mm
 
 SEEDS = range(1, 13)
 WHITE_CD_M2, BLACK_CD_M2 = 200.0, 0.05

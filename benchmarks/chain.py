@@ -8,7 +8,7 @@ from entoptic.tracker_bridge import wire
 from entoptic.tracker_bridge.chain import records_of
 from entoptic.tracker_bridge.samples import EyeState
 from entoptic.tracker_bridge.sources import open_source
-from entoptic.tracker_bridge.sources.simulated import SimulatedSettings
+from entoptic.tracker_bridge.sources.simulated.eyes import SimulatedSettings
 
 
 def main() -> None:

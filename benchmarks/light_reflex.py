@@ -16,7 +16,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 from scipy.optimize import brentq
 
-from entoptic.tracker_bridge.sources.simulated_pupil import STEP_S, light_reflex_mm, watson_yellott_mm
+from entoptic.tracker_bridge.sources.simulated.pupil import STEP_S, light_reflex_mm, watson_yellott_mm
 
 Floats = NDArray[np.float64]
 

@@ -13,14 +13,14 @@ from benchmarks import labelled_gaze
 from benchmarks.labelled_gaze import Labelled
 from entoptic.services.detect import lost_after
 from entoptic.services.event_scores import Scores, Span, compare, error_text
-from entoptic.tracker_bridge import engbert_kliegl
 from entoptic.tracker_bridge.dropout import DropoutFilter
 from entoptic.tracker_bridge.events import SaccadeOffset, SaccadeOnset
 from entoptic.tracker_bridge.microsaccades import COVERED, MIN_CONFIDENCE, SaccadeDetector, SaccadeEvent
+from entoptic.tracker_bridge.oracles import engbert_kliegl
 from entoptic.tracker_bridge.saccade_of_one_eye import SaccadeSettings
 from entoptic.tracker_bridge.samples import Eye, GazeSample, PupilSample
-from entoptic.tracker_bridge.sources.simulated import SimulatedEyes, SimulatedSettings
-from entoptic.tracker_bridge.sources.simulated_truth import TruthEvent
+from entoptic.tracker_bridge.sources.simulated.eyes import SimulatedEyes, SimulatedSettings
+from entoptic.tracker_bridge.sources.simulated.truth import TruthEvent
 
 FROM_NS = 600_000_000
 """Before this the detector still learns the noise."""

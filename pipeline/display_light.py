@@ -29,7 +29,7 @@ def black_share(display: Display) -> float:
 
 
 def viewer_cd_m2(display: Display) -> float:
-    """L_da, what a person before the display is adapted to: half its peak (BAR §3.3, KRI 4.21), or a brighter surround.
+    """L_da, what a person before the display is adapted to: half its peak (BAR 3.3, KRI 4.21), or a brighter surround.
 
     Engineering choice: a surround darker than that, as in a headset, takes nothing from the display.
     """

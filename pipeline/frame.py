@@ -32,7 +32,7 @@ class View:
     width_px: int
     height_px: int
     fov_deg: float = 104.0
-    """Horizontal field of view. 104° is the head-mounted display of LUI §5.3.2."""
+    """Horizontal field of view. 104° is the head-mounted display of LUI 5.3.2."""
 
     def __post_init__(self) -> None:
         if self.width_px < 1 or self.height_px < 1:

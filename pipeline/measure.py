@@ -18,7 +18,7 @@ from entoptic.pipeline.frame import LUMINANCE_WEIGHTS, Frame, View
 from entoptic.pipeline.ranges import Range
 
 TILES = 128
-"""Low resolution: at most 128 tiles along the longer side (LUI §5.1)."""
+"""Low resolution: at most 128 tiles along the longer side (LUI 5.1)."""
 HISTOGRAM_LOG10 = np.linspace(-6.0, 10.0, 65)
 """Edges of the luminance histogram, log10 cd/m²: starlight to beyond the sun, four bins a decade."""
 RANGE_TILES = 32

@@ -23,7 +23,7 @@ class Iris(enum.StrEnum):
 
 
 class OcularDynamics(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """Which parts of the eye move (RIT §3). All at rest unless asked for: a kernel then serves for many frames."""
+    """Which parts of the eye move (RIT 3). All at rest unless asked for: a kernel then serves for many frames."""
 
     microfluctuations: Annotated[bool, described("Accommodation wavers, and defocus with it.")] = False
     lens: Annotated[bool, described("The lens deforms with accommodation, and its particles move.")] = False
@@ -55,24 +55,24 @@ class Observer(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     particles: Annotated[
         Count,
         described(
-            "Scattering particles of the lens over the pupil plane (LUI §5.2.4; van den Berg 2005).",
+            "Scattering particles of the lens over the pupil plane (LUI 5.2.4; van den Berg 2005).",
             slider=(0.0, 5000.0),
             first=True,
         ),
     ] = 1000
     particle_mm: Annotated[
-        float, described("Their median diameter (LUI §5.2.4).", ge=0.005, le=0.5, slider=(0.005, 0.2), first=True)
+        float, described("Their median diameter (LUI 5.2.4).", ge=0.005, le=0.5, slider=(0.005, 0.2), first=True)
     ] = 0.042
     particle_spread: Annotated[
         float,
         described("Standard deviation of the logarithm of their diameters; 0: all alike, as in LUI.", ge=0.0, le=1.0),
     ] = 0.0
-    gratings: Annotated[int, described("Patches of lens fibres that make the halo (RIT §3.3).", ge=0, le=2000)] = 200
-    cornea_cells: Annotated[Count, described("Flat cells of 15 µm in the cornea that scatter (RIT §3.1).")] = 5400
+    gratings: Annotated[int, described("Patches of lens fibres that make the halo (RIT 3.3).", ge=0, le=2000)] = 200
+    cornea_cells: Annotated[Count, described("Flat cells of 15 µm in the cornea that scatter (RIT 3.1).")] = 5400
     vitreous_particles: Annotated[
         Count,
         described(
-            "Scattering particles of the vitreous that lie before the pupil plane, on average (RIT §3.4). With 250, "
+            "Scattering particles of the vitreous that lie before the pupil plane, on average (RIT 3.4). With 250, "
             "and 5400 cells of the cornea, cornea, lens and vitreous scatter as 27.6 : 40 : 10.6 (RIT Table 1: "
             "25–30 : 40 : 10)."
         ),

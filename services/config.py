@@ -13,7 +13,7 @@ from msgspec import Meta
 
 from entoptic.described import described
 from entoptic.tracker_bridge.chain import Lane
-from entoptic.tracker_bridge.sources.pupil_remote import DEFAULT_REMOTE
+from entoptic.tracker_bridge.sources.pupil_core.remote import DEFAULT_REMOTE
 
 
 class Eyes(StrEnum):

@@ -35,7 +35,7 @@ def open_eyes(
     """
     from entoptic.tracker_bridge.source import SourceError
     from entoptic.tracker_bridge.sources import SIMULATED, USB_SIMULATED, TrackerSettings, open_source
-    from entoptic.tracker_bridge.sources.simulated import SimulatedSettings
+    from entoptic.tracker_bridge.sources.simulated.eyes import SimulatedSettings
 
     simulated = SimulatedSettings(seconds=seconds or SIMULATED_SECONDS, seed=eyes.seed)
     if luminance is not None:
@@ -64,8 +64,8 @@ def open_live_eyes(
     """
     from entoptic.tracker_bridge.sources import SIMULATED, USB_SIMULATED
     from entoptic.tracker_bridge.sources.played import Played
-    from entoptic.tracker_bridge.sources.simulated import SimulatedSettings
-    from entoptic.tracker_bridge.sources.simulated_endless import EndlessEyes
+    from entoptic.tracker_bridge.sources.simulated.endless import EndlessEyes
+    from entoptic.tracker_bridge.sources.simulated.eyes import SimulatedSettings
 
     if eyes.source == SIMULATED and eyes.table_map is None:
         from entoptic.services import simulated_light

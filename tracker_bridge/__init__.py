@@ -3,7 +3,7 @@
 samples.py         the records that flow: PupilSample, GazeSample, EyeState
 events.py          what happened: blinks, saccades, a tracker lost or back, a clock that was set
 source.py          what every source offers
-sources/           where samples come from, one file a source, each with a simulated twin
+sources/           where samples come from; usb_twin/ and capture_twin/ imitate trackers for tests and demonstrations
 clock.py           how a source's clock stands to the bridge's
 
 chain.py           samples to states and events: pure, in order
@@ -12,7 +12,7 @@ dropout.py         which diameters to trust, and what to show meanwhile; its par
                    course.py (where a pupil was going)
 recording_lane.py  the same states 50 ms later, and better
 microsaccades.py   saccades as they happen, of both eyes; its parts: saccade_of_one_eye.py, saccade_velocity.py
-engbert_kliegl.py  the same over a whole recording, as the Microsaccade Toolbox finds them
+oracles/           what they are judged by: the Microsaccade Toolbox's method, over a whole recording
 
 calibration.py     the black and white screens, step by step; calibration_quality.py judges what was measured
 pupil_map.py       its result: what diameters mean

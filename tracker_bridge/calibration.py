@@ -45,7 +45,7 @@ WHITE_S, BLACK_S = 8.0, 18.0
 for constriction and 4 s for dilation: at the end of 5 s of white a pupil is still 0.01 mm too wide, of 10 s of black
 0.13 mm too small; of these, 0.00 and 0.02 mm."""
 LUIDOLT_S = 5.0
-"""Of each screen (Luidolt 2020, §5.2.1 ii)."""
+"""Of each screen (Luidolt 2020, 5.2.1 ii)."""
 SECONDS_RANGE = (1.0, 120.0)
 
 
@@ -103,7 +103,7 @@ def robust(white_s: float = WHITE_S, black_s: float = BLACK_S) -> Protocol:
 
 
 def luidolt(white_s: float = LUIDOLT_S, black_s: float = LUIDOLT_S) -> Protocol:
-    """Luidolt 2020, §5.2.1 ii and §6: a black screen, then a white one; the mean over all of each.
+    """Luidolt 2020, 5.2.1 ii and 6: a black screen, then a white one; the mean over all of each.
 
     Raises CalibrationError.
     """

@@ -2,7 +2,7 @@
 
 The bridge's filter knows what a pupil can do in millimetres, so a map acts on both sides of it: `apply` before, which
 gives a tracker's pixels the size of a pupil and leaves millimetres alone; and `map_state` after it, which maps what
-the filter trusts onto 2 to 8 mm (Luidolt 2020, §5.2.1 ii). Mapped first, a pupil a little wider than before the black
+the filter trusts onto 2 to 8 mm (Luidolt 2020, 5.2.1 ii). Mapped first, a pupil a little wider than before the black
 screen would be wider than any pupil, and be refused; clamped as well, what a lid leaves of one would pass for one.
 """
 
@@ -23,7 +23,7 @@ WHITE_PX_AS_MM = 2.5
 """What an eye's pixels before the white screen are taken for, so that a filter knows a pupil. Engineering choice: then
 a pupil that opens 3.6-fold, more than any does, is still no wider than the filter's 9 mm."""
 LUI_MM = (2.0, 8.0)
-"""The diameters before white and before black (Luidolt 2020, §5.2.1 ii)."""
+"""The diameters before white and before black (Luidolt 2020, 5.2.1 ii)."""
 
 Share = Annotated[float, msgspec.Meta(ge=0.0, le=1.0)]
 Diameter = Annotated[float, msgspec.Meta(gt=0.0, le=10_000.0)]

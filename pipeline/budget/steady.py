@@ -19,7 +19,7 @@ from entoptic.pipeline.budget.choose import TOLERANCE_CODE_VALUES, Option, Optio
 
 CALM_S = 0.5
 """How long a cheaper level must have been good enough. Engineering choice: longer than a blink (0.3–0.4 s, equations
-§12), so that the frames of a blink change nothing."""
+12), so that the frames of a blink change nothing."""
 CALM_SHARE = 0.5
 """Of the tolerance that its error must stay within. Engineering choice: bounds waver by less than a factor of two while
 a scene stays the same."""

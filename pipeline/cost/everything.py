@@ -37,7 +37,7 @@ class Effort:
 
 
 FULL = Effort(tuple(scenes.SCENES), (480, 534), ((1440, 1600), (720, 800), (360, 400)), 5)
-"""A third of a headset's display (LUI §5.3.2) for errors, as their truth takes a minute a scene there; times at the
+"""A third of a headset's display (LUI 5.3.2) for errors, as their truth takes a minute a scene there; times at the
 display's own size, its half and its quarter."""
 QUICK = Effort(("moonlight", "night street"), (72, 80), ((72, 80),), 1)
 

@@ -3,7 +3,7 @@
 Three sets, each of unit volume over the hemisphere:
 
 spe       Spencer 1995, after Vos 1984: core f0, two scattering terms f1 and f2 and the lenticular halo f3; adaptation
-          and age set their weights (SPE §3.1, eqs 5–10, with the errata E7 of the papers mended)
+          and age set their weights (SPE 3.1, eqs 5–10, with the errata E7 of the papers mended)
 cie135    CIE 135/1 and Vos 2003, the total glare function: age and pigmentation
 ijspeert  IJspeert 1993: age, pigmentation and the pupil's diameter
 
@@ -39,9 +39,9 @@ PHOTOPIC, MESOPIC, SCOTOPIC = (
 )
 """Weights of f0 … f3 (SPE eqs 8–10)."""
 PHOTOPIC_CD_M2, SCOTOPIC_CD_M2 = 3.0, 0.01
-"""Adaptation above which only cones, below which only rods work (SPE §2.2)."""
+"""Adaptation above which only cones, below which only rods work (SPE 2.2)."""
 SPE_CORE_DEG, SPE_OFFSET_DEG = 0.02, 0.02
-"""Width of f0, and the angle that keeps f1 and f2 finite on the axis (SPE §3.1)."""
+"""Width of f0, and the angle that keeps f1 and f2 finite on the axis (SPE 3.1)."""
 SPE_HALO_NM = 568.0
 """Wavelength at which the halo lies at 3° (SPE eq. 7, E7)."""
 

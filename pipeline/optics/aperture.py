@@ -22,7 +22,7 @@ from entoptic.pipeline.optics import OpticsError, cornea, coverage, lens, lids, 
 PLANE_M = coverage.PLANE_M
 """Side of the pupil plane: the widest pupil."""
 PUPIL_RANGE_MM = (2.0, 8.0)
-"""What a pupil is clamped to (LUI §5.2.1 ii)."""
+"""What a pupil is clamped to (LUI 5.2.1 ii)."""
 BLOCKED_LIMIT = 0.5
 """Share of the plane that particles may block. Engineering choice: the average eye has 4 %; beyond a half, a cataract,
 single scattering is no model any more, and some pupil would pass nothing."""
@@ -68,7 +68,7 @@ def legal_pupil_mm(pupil_mm: float) -> float:
 def pupil_plane(observer: Observer, pose: Pose, n: int = 2048) -> Complex[Array, "n n"]:
     """Complex transmittance of everything in this observer's eye at this moment, in focus; complex64.
 
-    Parts that do not move are drawn once. The vitreous lies in the same plane as all else (RIT §5).
+    Parts that do not move are drawn once. The vitreous lies in the same plane as all else (RIT 5).
     Raises OpticsError if the grid is too coarse for lens fibres or the particles block too much.
     """
     shown = _pupil(observer, pose, n)
@@ -85,7 +85,7 @@ def planes(
     """The plane of the pupil, and the later ones with their distances behind it in metres, for exact propagation.
 
     Later ones: one, the vitreous' particles, all at the depth of its centre. In coordinates of the pupil, complex64;
-    their shadows are those that fall along the axis onto the pupil (RIT §5), in both models: in place, where the beam
+    their shadows are those that fall along the axis onto the pupil (RIT 5), in both models: in place, where the beam
     has narrowed to 0.41, they would be as much narrower.
     Raises OpticsError as `pupil_plane` does.
     """

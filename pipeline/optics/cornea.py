@@ -1,4 +1,4 @@
-"""The cornea: its few flat cells between the clear fibrils, which scatter and never move (RIT §3.1)."""
+"""The cornea: its few flat cells between the clear fibrils, which scatter and never move (RIT 3.1)."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from entoptic.pipeline.observer import Observer
 from entoptic.pipeline.optics import coverage
 
 CELL_M = 15e-6
-"""Diameter of a flat cell (RIT §3.1)."""
+"""Diameter of a flat cell (RIT 3.1)."""
 STREAM = 1
 """Which random stream is the cornea's, so that no other part changes it."""
 

@@ -19,7 +19,7 @@ from entoptic.pipeline.optics import OpticsError
 from entoptic.pipeline.optics.aperture import PLANE_M
 
 WAVELENGTH_NM = 575.0
-"""The wavelength that is computed; all others are scaled from it (LUI §5.2.2)."""
+"""The wavelength that is computed; all others are scaled from it (LUI 5.2.2)."""
 VITREOUS_INDEX = 1.336
 """Refractive index of the vitreous (Gullstrand 1909)."""
 IMAGE_DISTANCE_M = 20.4e-3

@@ -1,4 +1,4 @@
-"""The fine radial lines that a formula of the angle alone does not have (SPE §3.2).
+"""The fine radial lines that a formula of the angle alone does not have (SPE 3.2).
 
 Antialiased radial lines of random intensity are drawn on the kernel's grid, one set for the ciliary corona and another
 for the halo, and levelled so that every small neighbourhood keeps the mean 1. A kernel times these lines has the same
@@ -36,7 +36,7 @@ _REACH = 3.0
 
 
 class Flare(enum.IntEnum):
-    """Which set of lines: they have different physical causes (SPE §3.2). The value seeds its random stream."""
+    """Which set of lines: they have different physical causes (SPE 3.2). The value seeds its random stream."""
 
     CORONA = 101
     """Ciliary corona, for f1 and f2."""

@@ -1,6 +1,6 @@
 """The lens: particles in its body, which move as it deforms, and the fibres of its cortex, which make the halo.
 
-Only the particles follow the deformation (RIT §3.3). The fibres stay: some tens of µm move none of their orders, whose
+Only the particles follow the deformation (RIT 3.3). The fibres stay: some tens of µm move none of their orders, whose
 angle is the pitch's, and shift only the phase of one patch against another within a ring of 200 spots. So the costliest
 part of the plane is drawn once.
 """
@@ -20,7 +20,7 @@ RADIUS_M = coverage.PLANE_M / 2
 FIBRE_PITCH_M = 10.85e-6
 """Spacing of the lens fibres: puts the lenticular halo at sin θ = λ/e, 3.00° at 568 nm (equations: SPE f3)."""
 FIBRE_INNER_M = 1.5e-3
-"""Nearer to the axis the fibre membranes have no contrast: no halo for pupils under 3 mm (RIT §3.2)."""
+"""Nearer to the axis the fibre membranes have no contrast: no halo for pupils under 3 mm (RIT 3.2)."""
 FIBRE_PHASE_RAD = 0.29
 """Phase amplitude of the fibres. Engineering choice: at a 7 mm pupil the first orders of the average eye then carry the
 3.3 % of the light that SPE's scotopic f3 gives the halo. A patch has 2·(J1/J0)² = 4.3 % of its light in them, J1/J0 =
@@ -56,7 +56,7 @@ def shade(
     observer: Observer,
     lens_m: Float[np.ndarray, "17 17"] | None = None,
 ) -> None:
-    """Puts the lens' particles before the plane, in place: opaque discs (LUI §5.2.1 i).
+    """Puts the lens' particles before the plane, in place: opaque discs (LUI 5.2.1 i).
 
     At rest they lie uniformly over the plane's inscribed disc, and uniformly in depth. `lens_m` is the deformed lens'
     radial displacement in metres, outward positive, on a grid of depth (rows, share of the lens' thickness) and radius
@@ -80,7 +80,7 @@ def shade(
 def fibres(observer: Observer, n: int) -> Float[np.ndarray, "n n"]:
     """What the fibres add to the plane's transmittance, as its imaginary part, float32.
 
-    They are patches of radial fibres outside 1.5 mm: transparent membranes, so a phase and no shadow (RIT §3.2). Of a
+    They are patches of radial fibres outside 1.5 mm: transparent membranes, so a phase and no shadow (RIT 3.2). Of a
     grating the direct light and the first orders are kept: 1 + 2i·J1(a)/J0(a)·cos. The higher orders lie beyond the
     field of the grid and would fold back into it as corners of the halo.
     Raises OpticsError if the grid is too coarse for the fibres.

@@ -1,4 +1,4 @@
-"""The lens as a grid of masses and springs that the ciliary muscle pulls at its equator (RIT §3.3, Fig. 4).
+"""The lens as a grid of masses and springs that the ciliary muscle pulls at its equator (RIT 3.3, Fig. 4).
 
 Theory of operation: half a section of the lens, 17 × 17 masses, each joined to its eight neighbours by springs that are
 all alike. Masses on the optical axis stay on it; the one at the equator is where the muscle puts it; the others are
@@ -22,7 +22,7 @@ from entoptic.pipeline.optics.damped import free_motion
 from entoptic.pipeline.optics.microfluctuations import Tones
 
 NODES = 17
-"""In each direction (RIT §3.3)."""
+"""In each direction (RIT 3.3)."""
 RADIUS_M = 4.665e-3
 THICKNESS_M = 3.85e-3
 """Half the diameter, and the thickness at 30 years, of relaxed lenses in vivo (Jones, Atchison & Pope 2007, Optom. Vis.

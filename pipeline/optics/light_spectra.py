@@ -21,9 +21,9 @@ from numpy.typing import NDArray
 from entoptic.pipeline.optics import OpticsError
 
 RANGE_NM = (380.0, 770.0)
-"""KRI §4.3, RIT §4."""
+"""KRI 4.3, RIT 4."""
 WAVELENGTHS = 32
-"""As many as RIT §4 sums."""
+"""As many as RIT 4 sums."""
 WAVELENGTHS_RANGE = (4, 128)
 """Engineering choice: under four bands a halo has fewer colours than the display, over 128 nothing changes any more."""
 
@@ -35,12 +35,12 @@ def _gaussian(nm: Wavelengths, peak_nm: float, sigma_nm: float) -> Wavelengths:
 
 
 def _white_led(nm: Wavelengths) -> Wavelengths:
-    """A blue peak and phosphor (KRI §6.1)."""
+    """A blue peak and phosphor (KRI 6.1)."""
     return 0.5 * _gaussian(nm, 560, 60) + 0.9 * _gaussian(nm, 450, 10)
 
 
 def _three_peak_led(nm: Wavelengths) -> Wavelengths:
-    """Narrow lobes where the eye is most sensitive (KRI §6.1, fig. 6.5, which gives no numbers).
+    """Narrow lobes where the eye is most sensitive (KRI 6.1, fig. 6.5, which gives no numbers).
 
     Engineering choice: the peaks of z̄, ȳ and x̄ at KRI's narrow width, as high as each other.
     """

@@ -1,4 +1,4 @@
-"""How accommodation wavers while an eye looks at one thing (RIT §3.3): a sum of tones in two bands of frequency.
+"""How accommodation wavers while an eye looks at one thing (RIT 3.3): a sum of tones in two bands of frequency.
 
 Theory of operation: RIT makes the low band of value noise. Sums of sinusoids of random frequencies and phases do the
 same, have exactly the wanted spectrum and are the same function of time for one observer whatever the frame rate; and
@@ -15,15 +15,15 @@ import numpy as np
 from jaxtyping import Complex, Float
 
 LOW_HZ = (0.02, 0.6)
-"""The low band ends at 0.6 Hz (RIT §3.3). Its lower end, and that its power falls as 1/f, are engineering choices: what
+"""The low band ends at 0.6 Hz (RIT 3.3). Its lower end, and that its power falls as 1/f, are engineering choices: what
 takes longer than 50 s is no fluctuation any more, and the slow drifts are the large ones (Campbell, Robson & Westheimer
 1959, J. Physiol. 145, 579)."""
 HIGH_HZ = (1.3, 2.1)
-"""The high band (RIT §3.3): narrow, so its power falls off from its middle to nothing at both ends."""
+"""The high band (RIT 3.3): narrow, so its power falls off from its middle to nothing at both ends."""
 TONES = 12
 """In each band. Engineering choice: they come together again only after minutes, and Gaussian enough."""
 LOW_RMS_D_PER_MM = 0.033
-"""Standard deviation of the low band for each mm of pupil, so that its power grows with the pupil's area (RIT §3.3).
+"""Standard deviation of the low band for each mm of pupil, so that its power grows with the pupil's area (RIT 3.3).
 That holds for pupils which the light makes wide, as it is dim light that makes the low band strong; behind artificial
 pupils of one light it is the smallest that do (Gray, Winn & Gilmartin 1993, Vision Res. 33, 2083 and 2091).
 Engineering choice: 0.07 D at 2 mm, 0.26 D at 8 mm, with the high band 0.10–0.28 D in all; measured are 0.1–0.5 D

@@ -1,4 +1,4 @@
-"""What moves in a living eye, from one frame to the next (RIT §3).
+"""What moves in a living eye, from one frame to the next (RIT 3).
 
 microfluctuations.py  accommodation wavers, and focus with it
 lens_springs.py       the lens, deformed by that

@@ -29,7 +29,7 @@ EDGE_DEG = 90.0
 """The hemisphere's edge."""
 FINEST_DEG = 0.1
 """Off the axis, integrals along a pixel's edge have two nodes in this angle: the lenticular halo, the narrowest ring of
-all, is 0.35° wide (SPE §3.1.1)."""
+all, is 0.35° wide (SPE 3.1.1)."""
 
 INNERMOST_DEG, PANELS, ORDER = 1e-6, 8192, 4
 """Integration goes over PANELS of equal ratio from INNERMOST_DEG to 90°, with ORDER Gauss–Legendre nodes in each.

@@ -1,11 +1,11 @@
-"""Value noise: smooth, random, and a function of its argument alone (RIT §3.2, §3.3)."""
+"""Value noise: smooth, random, and a function of its argument alone (RIT 3.2, 3.3)."""
 
 from __future__ import annotations
 
 import math
 
 OCTAVES = 3
-"""Each twice as fast and half as strong as the one before (RIT §3.2)."""
+"""Each twice as fast and half as strong as the one before (RIT 3.2)."""
 _WORD = 2**64 - 1
 _GOLDEN = 0x9E3779B97F4A7C15
 

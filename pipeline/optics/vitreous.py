@@ -1,7 +1,7 @@
-"""The vitreous: particles in one rigid sphere that turns a little against the eye (RIT §3.4).
+"""The vitreous: particles in one rigid sphere that turns a little against the eye (RIT 3.4).
 
 Particles at different depths then move differently past the pupil, those near its back against those near its front;
-some leave the pupil, others appear. They are projected along the eye's axis (RIT §5), each with the same shadow.
+some leave the pupil, others appear. They are projected along the eye's axis (RIT 5), each with the same shadow.
 """
 
 from __future__ import annotations

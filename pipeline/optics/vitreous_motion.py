@@ -1,4 +1,4 @@
-"""The vitreous as one rigid body that lags behind the turning eye and comes back to it (RIT §3.4).
+"""The vitreous as one rigid body that lags behind the turning eye and comes back to it (RIT 3.4).
 
 Theory of operation: its rotation against the eye, about two axes, is a damped oscillator each. A saccade is over within
 a tenth of the time that the way back takes, so it counts as a step: the eye has turned, the vitreous has not yet come
@@ -23,7 +23,7 @@ LAG_SHARE = 0.5
 turns, which would make it 0, and its middle stays behind by inertia, which would make it 1."""
 OMEGA_RAD_S = 2 * math.pi
 """Undamped frequency, 1 Hz. Engineering choice: with DAMPING_RATIO a lag falls to a tenth in 1.1 s and to a hundredth
-in 2.0 s. The vitreous comes to rest within seconds (RIT §3.4, after Zimmerman 1980)."""
+in 2.0 s. The vitreous comes to rest within seconds (RIT 3.4, after Zimmerman 1980)."""
 DAMPING_RATIO = 1.5
 """Over 1, since the vitreous in a living eye was found overdamped (Zimmerman 1980, Biophys. J. 29, 539): it comes back
 and does not swing past. How far over is an engineering choice; see OMEGA_RAD_S."""

@@ -28,7 +28,7 @@ FIELD_TAPER = (0.88, 1.0)
 flank ends at 0.87), within the circle that the square field holds."""
 UNRESOLVED_SHARE = 0.72
 """Of the light that an eye scatters within the field, what no structure on the plane does: a fifth is the retina's (RIT
-Table 1), and the particles' median is 0.7 µm (LUI §2.1.4), a sixth of a sample. Engineering choice: the structures of
+Table 1), and the particles' median is 0.7 µm (LUI 2.1.4), a sixth of a sample. Engineering choice: the structures of
 the default eye scatter 0.28 of CIE's light at 1–2° (measured, 4–8 mm, halo aside), so this brings the sum to CIE's."""
 UNRESOLVED_DEG = 0.3
 """Where that begins, as θ²/(θ² + 0.3²). Engineering choice: further in, CIE's light is that of aberrations (its term of

@@ -19,7 +19,7 @@ from entoptic.pipeline.frame import Frame, FrameError, View
 from entoptic.tracker_bridge.wire import Eye
 
 DEFAULT_WIDTH_PX, DEFAULT_HEIGHT_PX = 720, 800
-"""A view for scenes without pixels of their own: half the head-mounted display of LUI §5.3.2 (1440×1600 an eye), since
+"""A view for scenes without pixels of their own: half the head-mounted display of LUI 5.3.2 (1440×1600 an eye), since
 a quarter of its pixels is what two processor cores can follow (engineering choice)."""
 
 

@@ -30,7 +30,7 @@ from entoptic.tracker_bridge.events import Event, SourceBack, SourceSilent
 from entoptic.tracker_bridge.publisher import Publisher
 from entoptic.tracker_bridge.samples import EyeState
 from entoptic.tracker_bridge.source import Item, Source, SourceError, Tick
-from entoptic.tracker_bridge.sources.simulated_endless import EndlessEyes
+from entoptic.tracker_bridge.sources.simulated.endless import EndlessEyes
 
 RATE_S = 2.0
 """The rate of states is that of so long."""

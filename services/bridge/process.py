@@ -27,8 +27,8 @@ from entoptic.tracker_bridge.publisher import LINGER_MS, LIVE_LINGER_MS, Publish
 from entoptic.tracker_bridge.samples import NS_PER_S, EyeState, GazeSample, PupilSample
 from entoptic.tracker_bridge.source import Item, Source, SourceError, SourceInfo
 from entoptic.tracker_bridge.sources.played import Played
-from entoptic.tracker_bridge.sources.pupil_recorder import PupilRecorder
-from entoptic.tracker_bridge.sources.simulated_endless import EndlessEyes
+from entoptic.tracker_bridge.sources.pupil_core.recorder import PupilRecorder
+from entoptic.tracker_bridge.sources.simulated.endless import EndlessEyes
 
 LIGHT_WITHIN_MS = 500
 """So long a bridge that is started anew waits for the worker's next frame."""

@@ -16,7 +16,7 @@ from entoptic.services.results.folder import BRIDGE
 from entoptic.tracker_bridge.events import Event
 from entoptic.tracker_bridge.samples import NS_PER_S, EyeState, GazeSample, PupilSample
 from entoptic.tracker_bridge.source import Item, Tick
-from entoptic.tracker_bridge.sources.pupil_recorder import PupilRecorder
+from entoptic.tracker_bridge.sources.pupil_core.recorder import PupilRecorder
 
 GAP_S = 0.5
 """States that come no more often are told of as a gap: as long as a pupil may be gone before it counts as lost."""

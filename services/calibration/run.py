@@ -19,8 +19,8 @@ from entoptic.tracker_bridge.calibration import SHOWN_WITHIN_NS, Calibration, Co
 from entoptic.tracker_bridge.samples import Eye, GazeSample, PupilSample
 from entoptic.tracker_bridge.source import Item, Source, SourceError
 from entoptic.tracker_bridge.sources.played import Played
-from entoptic.tracker_bridge.sources.simulated import SimulatedSettings
-from entoptic.tracker_bridge.sources.simulated_live import SimulatedLiveEyes
+from entoptic.tracker_bridge.sources.simulated.eyes import SimulatedSettings
+from entoptic.tracker_bridge.sources.simulated.live import SimulatedLiveEyes
 
 GREY_SHARE = 0.2159
 """Luminance of sRGB's middle grey, #808080, of white's (IEC 61966-2-1)."""

@@ -95,7 +95,7 @@ def calibrate(
     from entoptic.tracker_bridge.calibration import CalibrationError
     from entoptic.tracker_bridge.source import Source
     from entoptic.tracker_bridge.sources import SIMULATED
-    from entoptic.tracker_bridge.sources.simulated_live import SimulatedLiveEyes
+    from entoptic.tracker_bridge.sources.simulated.live import SimulatedLiveEyes
 
     # All input is looked at before anybody has to look at anything.
     chosen = calibrates.protocol_of(protocol.value, white_seconds, black_seconds)

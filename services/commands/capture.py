@@ -43,10 +43,10 @@ def capture(
     import msgspec
 
     from entoptic.services import simulated_light
-    from entoptic.services.capture.faults import read_fault
-    from entoptic.services.capture.playback import open_playback
-    from entoptic.services.capture.standin import StandIn, StandInSettings
-    from entoptic.tracker_bridge.sources.simulated import SimulatedSettings
+    from entoptic.tracker_bridge.capture_twin.faults import read_fault
+    from entoptic.tracker_bridge.capture_twin.playback import open_playback
+    from entoptic.tracker_bridge.capture_twin.standin import StandIn, StandInSettings
+    from entoptic.tracker_bridge.sources.simulated.eyes import SimulatedSettings
 
     with process(child) as (stop, log):
         planned = tuple(read_fault(spec) for spec in fault or ())

@@ -22,8 +22,8 @@ def simulate(
     luminance: Annotated[str, typer.Option(help="Light before the eyes: cd/m², or a CSV file t_s,cd_m2.")] = "100",
 ) -> None:
     """Write a simulated recording with its truth: gaze, microsaccades, blinks, pupils."""
-    from entoptic.tracker_bridge.sources.pupil_writer import write_recording
-    from entoptic.tracker_bridge.sources.simulated import SimulatedEyes
+    from entoptic.tracker_bridge.sources.pupil_core.recorder import write_recording
+    from entoptic.tracker_bridge.sources.simulated.eyes import SimulatedEyes
 
     source = open_eyes(SourceConfig(seed=seed), seconds, luminance)
     assert isinstance(source, SimulatedEyes)

@@ -22,7 +22,7 @@ _LOG_RATIO = 30.0
 
 @functools.cache
 def fields() -> tuple[Field, ...]:
-    """All settings; first what LUI §5.2.4 lets a person tune, and what a session that falls behind needs."""
+    """All settings; first what LUI 5.2.4 lets a person tune, and what a session that falls behind needs."""
     return _first_first(_field(leaf, leaf.path, _group(leaf.path)) for leaf in leaves(Settings))
 
 

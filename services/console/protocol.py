@@ -61,7 +61,7 @@ class Field(msgspec.Struct, frozen=True):
     help: str
     """A sentence; may be empty."""
     first: bool = False
-    """Whether it belongs to those that are always in sight (LUI §5.2.4); the others may be folded away."""
+    """Whether it belongs to those that are always in sight (LUI 5.2.4); the others may be folded away."""
     low: float | None = None
     high: float | None = None
     """The range, ends included unless `low_open`; null where there is none."""

@@ -28,7 +28,7 @@ SACCADE_EVERY_S, SACCADE_DEG = 0.8, 6.0
 """Engineering choice: people make two to three a second; at this pace the vitreous is seen to come back in between.
 6° is the standard deviation of each direction's turn."""
 BLINK_EVERY_S, BLINK_FROM_S, BLINK_S = 4.0, 1.2, 0.35
-"""A blink lasts 300–400 ms (Luidolt 2020, §5.2.1); people blink every 3 to 6 s. The first is at 1.2 s, so that a short
+"""A blink lasts 300–400 ms (Luidolt 2020, 5.2.1); people blink every 3 to 6 s. The first is at 1.2 s, so that a short
 film has one."""
 _SACCADE_STREAM = 0x7361
 

@@ -30,7 +30,7 @@ BACKGROUND_DEG2 = 900.0
 def particles_at(observer: Observer, age_years: float) -> int:
     """How many particles this lens has at another age.
 
-    Numbers grow with age (LUI §5.2.4, which gives no figure). What independent particles scatter goes as their number,
+    Numbers grow with age (LUI 5.2.4, which gives no figure). What independent particles scatter goes as their number,
     and measured straylight goes as 1 + (age/70)⁴ (CIE 135, IJspeert 1993); so does the number here.
     """
     growth = (1 + (age_years / 70) ** 4) / (1 + (observer.age_years / 70) ** 4)
@@ -72,7 +72,7 @@ def particles(subject: Subject) -> Sheet:
 
 
 def ages(subject: Subject) -> Sheet:
-    """LUI §5.2.4: the wave model, whose particles and veil follow age, over the formula for the average eye."""
+    """LUI 5.2.4: the wave model, whose particles and veil follow age, over the formula for the average eye."""
     years = (20, 40, 60, 80)
     wave, formula = [], []
     for age in years:
@@ -90,7 +90,7 @@ def ages(subject: Subject) -> Sheet:
 def spectra(subject: Subject) -> Sheet:
     """KRI Figs 6.4–6.6: white LEDs, good and poor, and tungsten beside D65; and the halves of D65 and E."""
     # E is redder than the display's white, D65; both stay as they are.
-    names = {"D65": "D65", "LED-B3": "white LED of 4100 K (CIE LED-B3)", "LED-KRI": "white LED (KRI §6.1)"}
+    names = {"D65": "D65", "LED-B3": "white LED of 4100 K (CIE LED-B3)", "LED-KRI": "white LED (KRI 6.1)"}
     names |= {"LED-KRI-3": "poor LED, three peaks (KRI Fig 6.5)", "A": "tungsten (CIE A)"}
     row = _drawn([(caption, dataclasses.replace(subject, spectrum=name)) for name, caption in names.items()])
     left, right = (_image(dataclasses.replace(subject, spectrum=name)) for name in ("D65", "E"))

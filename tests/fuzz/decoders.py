@@ -22,23 +22,23 @@ from entoptic.tracker_bridge.pupil_map import read as read_pupil_map
 from entoptic.tracker_bridge.samples import Direction, Eye, EyeState, GazeSample, OneEyeState, Phase, PupilSample
 from entoptic.tracker_bridge.source import SourceError
 from entoptic.tracker_bridge.sources import open_source
-from entoptic.tracker_bridge.sources.hid_descriptor import HidDescriptorError
-from entoptic.tracker_bridge.sources.hid_eye_tracker import EyeTrackerReports
-from entoptic.tracker_bridge.sources.pupil_bus import PupilBus
-from entoptic.tracker_bridge.sources.pupil_datum import (
+from entoptic.tracker_bridge.sources.hid.descriptor import HidDescriptorError
+from entoptic.tracker_bridge.sources.hid.eye_tracker import EyeTrackerReports
+from entoptic.tracker_bridge.sources.pupil_core.bus import PupilBus
+from entoptic.tracker_bridge.sources.pupil_core.datum import (
     base_pupils,
     decode_gaze,
     decode_pupil,
     gaze_samples,
     pupil_sample,
 )
-from entoptic.tracker_bridge.sources.pupil_writer import write_recording
-from entoptic.tracker_bridge.sources.simulated import SimulatedEyes, SimulatedSettings
-from entoptic.tracker_bridge.sources.table_map import read_table_map
-from entoptic.tracker_bridge.sources.usb_file import open_usb_file
-from entoptic.tracker_bridge.sources.usb_stream import Connection, PacketStream
-from entoptic.tracker_bridge.sources.usb_twin_descriptors import PACKET_BYTES
-from entoptic.tracker_bridge.sources.usb_twin_report import DESCRIPTOR, tracking_report
+from entoptic.tracker_bridge.sources.pupil_core.recorder import write_recording
+from entoptic.tracker_bridge.sources.simulated.eyes import SimulatedEyes, SimulatedSettings
+from entoptic.tracker_bridge.sources.table.map import read_table_map
+from entoptic.tracker_bridge.sources.usb.capture import open_usb_file
+from entoptic.tracker_bridge.sources.usb.stream import Connection, PacketStream
+from entoptic.tracker_bridge.usb_twin.descriptors import PACKET_BYTES
+from entoptic.tracker_bridge.usb_twin.report import DESCRIPTOR, tracking_report
 
 PAGE_REQUESTS = (
     b'{"do": "perceive", "id": 1, "changes": {"observer.age_years": 61}}',

@@ -23,9 +23,9 @@ from entoptic.tracker_bridge.publisher import PortInUseError
 from entoptic.tracker_bridge.pupil_map import PupilMapError, Use
 from entoptic.tracker_bridge.samples import NS_PER_S, Eye, EyeState, PupilSample
 from entoptic.tracker_bridge.source import Item, SourceError, SourceInfo
-from entoptic.tracker_bridge.sources.simulated import SimulatedEyes, SimulatedSettings
-from entoptic.tracker_bridge.sources.simulated_live import SimulatedLiveEyes
-from entoptic.tracker_bridge.sources.simulated_pupil import watson_yellott_mm
+from entoptic.tracker_bridge.sources.simulated.eyes import SimulatedEyes, SimulatedSettings
+from entoptic.tracker_bridge.sources.simulated.live import SimulatedLiveEyes
+from entoptic.tracker_bridge.sources.simulated.pupil import watson_yellott_mm
 
 WHITE_CD_M2, BLACK_CD_M2 = 200.0, 0.05
 TRUE_MM = {

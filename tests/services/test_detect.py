@@ -14,7 +14,7 @@ from entoptic.services.event_scores import Span, compare
 from entoptic.tracker_bridge.samples import Eye, GazeSample, PupilSample
 from entoptic.tracker_bridge.source import SourceError
 from entoptic.tracker_bridge.sources.loaded import load
-from entoptic.tracker_bridge.sources.simulated import SimulatedEyes, SimulatedSettings
+from entoptic.tracker_bridge.sources.simulated.eyes import SimulatedEyes, SimulatedSettings
 
 MS = 1_000_000
 

@@ -50,7 +50,7 @@ def test_all_light_lies_within_90_degrees(model: GlareModel) -> None:
         within = profile.encircled(subject, nm)(profile.THETA_DEG)
         assert within[0] == 0
         assert (np.diff(within) >= 0).all()
-        # SPE's terms add up to 0.9994 (equations §8).
+        # SPE's terms add up to 0.9994 (equations 8).
         assert within[-1] == pytest.approx(1, abs=1e-3 if model is GlareModel.SPE else 1e-5)
 
 

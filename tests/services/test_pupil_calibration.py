@@ -21,8 +21,8 @@ from entoptic.tracker_bridge.publisher import Publisher
 from entoptic.tracker_bridge.pupil_map import PupilMap
 from entoptic.tracker_bridge.samples import NS_PER_S, Eye, EyeState, Phase, PupilSample
 from entoptic.tracker_bridge.source import Item, Tick
-from entoptic.tracker_bridge.sources.simulated import SimulatedSettings
-from entoptic.tracker_bridge.sources.simulated_live import SimulatedLiveEyes
+from entoptic.tracker_bridge.sources.simulated.eyes import SimulatedSettings
+from entoptic.tracker_bridge.sources.simulated.live import SimulatedLiveEyes
 
 ANY = "tcp://127.0.0.1:*"
 PATIENCE_S = 30.0

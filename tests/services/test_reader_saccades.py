@@ -13,7 +13,7 @@ from entoptic.tracker_bridge.chain import Chain, Lane, records_of
 from entoptic.tracker_bridge.events import Event, SaccadeKind, SaccadeOffset, StreamEnded, StreamStarted
 from entoptic.tracker_bridge.samples import Eye, EyeState, OneEyeState, Phase
 from entoptic.tracker_bridge.sources import open_source
-from entoptic.tracker_bridge.sources.simulated import SimulatedSettings
+from entoptic.tracker_bridge.sources.simulated.eyes import SimulatedSettings
 
 
 def saccade(t_ms: int, azimuth_deg: float = 3.0, *, offset_ms: int | None = None) -> SaccadeOffset:

@@ -23,7 +23,7 @@ from entoptic.services.live.registry import RunningHost
 from entoptic.services.results.render_log import FILE as RENDER_LOG
 from entoptic.services.results.render_log import FrameRecord, RenderLog, Resumed
 from entoptic.services.session_config import SessionConfig
-from entoptic.tracker_bridge.sources.recording import open_recording
+from entoptic.tracker_bridge.sources.pupil_core.recording import open_recording
 
 SMALL = {"width_px": 90, "height_px": 100, "fps": 20.0}
 SIZE = ("--width=90", "--height=100", "--fps=20")

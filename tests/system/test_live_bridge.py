@@ -24,8 +24,8 @@ from entoptic.services.process_config import BridgeConfig
 from entoptic.services.reader import StateReader
 from entoptic.tracker_bridge.samples import Eye, GazeSample, PupilSample
 from entoptic.tracker_bridge.sources import open_source
-from entoptic.tracker_bridge.sources.pupil_recorder import PupilRecorder
-from entoptic.tracker_bridge.sources.pupil_remote import DEFAULT_REMOTE
+from entoptic.tracker_bridge.sources.pupil_core.recorder import PupilRecorder
+from entoptic.tracker_bridge.sources.pupil_core.remote import DEFAULT_REMOTE
 
 pytestmark = pytest.mark.slow
 PATIENCE_S = 90.0

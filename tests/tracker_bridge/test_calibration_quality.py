@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from entoptic.tracker_bridge.calibration import Protocol, Screen, ShownScreen, Stage, luidolt, robust
 from entoptic.tracker_bridge.calibration_quality import REMEDIES, Analysis, Failure, analyse
 from entoptic.tracker_bridge.samples import NS_PER_S, Eye, PupilSample
-from entoptic.tracker_bridge.sources.simulated_pupil import watson_yellott_mm
+from entoptic.tracker_bridge.sources.simulated.pupil import watson_yellott_mm
 
 RATE_HZ = 60
 FIGURES = {Screen.WHITE: 3.0, Screen.BLACK: 6.5}

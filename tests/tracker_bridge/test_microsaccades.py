@@ -17,8 +17,8 @@ from entoptic.tracker_bridge.events import SaccadeKind, SaccadeOffset, SaccadeOn
 from entoptic.tracker_bridge.microsaccades import COVERED, SaccadeDetector, SaccadeEvent, angle_deg
 from entoptic.tracker_bridge.saccade_velocity import MIN_NOISE_NS, NoiseMeter, Place, Velocity, VelocityFilter
 from entoptic.tracker_bridge.samples import Eye, GazeSample, PupilSample
-from entoptic.tracker_bridge.sources.simulated import SimulatedEyes, SimulatedSettings
-from entoptic.tracker_bridge.sources.simulated_truth import TruthEvent
+from entoptic.tracker_bridge.sources.simulated.eyes import SimulatedEyes, SimulatedSettings
+from entoptic.tracker_bridge.sources.simulated.truth import TruthEvent
 
 MS = 1_000_000
 

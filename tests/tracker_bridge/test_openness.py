@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from entoptic.tracker_bridge.openness import estimated_openness
-from entoptic.tracker_bridge.sources.simulated_lid import visible_area, visible_height
+from entoptic.tracker_bridge.sources.simulated.lid import visible_area, visible_height
 
 
 @pytest.mark.parametrize("diameter_mm", [2.0, 4.0, 7.0])

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from entoptic.tracker_bridge.dropout import DropoutFilter
 from entoptic.tracker_bridge.recording_lane import LAG_NS, RecordingLane
 from entoptic.tracker_bridge.samples import Eye, EyeState, OneEyeState, Phase, PupilSample
-from entoptic.tracker_bridge.sources.simulated import SimulatedEyes, SimulatedSettings
+from entoptic.tracker_bridge.sources.simulated.eyes import SimulatedEyes, SimulatedSettings
 
 STEP_NS = 5_000_000
 NEVER_SEEN = OneEyeState(Phase.LOST, None, None, 0.0, None, None)

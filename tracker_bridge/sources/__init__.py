@@ -1,32 +1,13 @@
 """Where samples come from. Each source says in its `info.notes` what it had to repair or assume.
 
-recording.py      recordings of Pupil Capture and Pupil Service
-player_export.py  tables that Pupil Player exports
-table.py          any other table, by a column map
-table_map.py      column maps: their keys, their files; those that come with the program lie in maps/
-simulated.py      a simulated pair of eyes, labelled
-simulated_live.py the same at the pace of time, before a light that is set while it runs
-simulated_endless.py the same without an end, for live sessions
-played.py         any recording as a live source
-pupil_capture.py  Pupil Capture or Service, live over its Network API
-usb.py            a USB (HID) eye tracker, live
-usb_simulated.py  its twin: a pyusb backend that plays a recording as such a device
-usb_file.py       what a USB tracker once sent
+pupil_core/  Pupil Capture and Service, live; their recordings and Pupil Player's tables
+usb/, hid/   USB (HID) eye trackers, live, and what one once sent
+table/       any other table, by a column map
+simulated/   a simulated pair of eyes, labelled: whole, or live
 
-pupil_bus.py      a message off Capture's data port, to samples and events
-pupil_remote.py   what may be asked of Pupil Remote, and its answers
-pupil_link.py     the two threads and sockets between
-pupil_tasks.py    what Capture was told to do, until it reports
-pupil_datum.py    one pupil or gaze datum of Pupil Core, from bytes to samples
-pupil_streams.py  a whole session of such datums, as a source
-pupil_writer.py   the other way: samples as a recording of Pupil Core
-pupil_recorder.py the same while they come, so that a crash costs next to nothing
-pupil_form.py     samples as Pupil Core's datums, for both
-hid_*.py          HID: report descriptors, reports, and what an eye tracker's mean
-usb_*.py          parts of the USB trackers: device, packets, faults, captures, remedies
-cells.py          text tables, with errors that name line and column
-loaded.py         samples in order of time, each time and eye once
-simulated_*.py    the simulation's parts: gaze, lids, pupil, tracker, truth
+cells.py     text tables, with errors that name line and column
+loaded.py    samples in order of time, each time and eye once
+played.py    any recording as a live source
 """
 
 from __future__ import annotations
@@ -36,14 +17,14 @@ from pathlib import Path
 import msgspec
 
 from entoptic.tracker_bridge.source import Source, SourceError
-from entoptic.tracker_bridge.sources import player_export, recording
 from entoptic.tracker_bridge.sources.cells import read_header
-from entoptic.tracker_bridge.sources.player_export import is_player_export, open_player_export
-from entoptic.tracker_bridge.sources.pupil_remote import DEFAULT_REMOTE
-from entoptic.tracker_bridge.sources.recording import open_recording
-from entoptic.tracker_bridge.sources.simulated import SimulatedEyes, SimulatedSettings
-from entoptic.tracker_bridge.sources.table import open_table
-from entoptic.tracker_bridge.sources.table_map import read_table_map
+from entoptic.tracker_bridge.sources.pupil_core import player_export, recording
+from entoptic.tracker_bridge.sources.pupil_core.player_export import is_player_export, open_player_export
+from entoptic.tracker_bridge.sources.pupil_core.recording import open_recording
+from entoptic.tracker_bridge.sources.pupil_core.remote import DEFAULT_REMOTE
+from entoptic.tracker_bridge.sources.simulated.eyes import SimulatedEyes, SimulatedSettings
+from entoptic.tracker_bridge.sources.table.map import read_table_map
+from entoptic.tracker_bridge.sources.table.source import open_table
 
 SIMULATED, CAPTURE = "simulated", "capture"
 USB, USB_SIMULATED, USB_FILE = "usb", "usb-simulated:", "usb-file:"
@@ -57,7 +38,7 @@ class TrackerSettings(msgspec.Struct, frozen=True, kw_only=True):
     usb_id: str | None = None
     """VID:PID of the USB tracker; the first one unless given."""
     usb_faults: tuple[str, ...] = ()
-    """What goes wrong with a simulated USB tracker; see usb_faults.py."""
+    """What goes wrong with a simulated USB tracker; see usb_twin/faults.py."""
     usb_begun_ns: int | None = None
     """When a simulated USB tracker was plugged in, on the monotonic clock, if it was before."""
     record_raw: Path | None = None
@@ -126,20 +107,20 @@ def _open_tracker(
     if table_map is not None and (spec in (CAPTURE, USB) or spec.startswith(USB_FILE)):
         raise SourceError(f"{spec} takes no column map: leave the map out, or name a table")
     if spec == CAPTURE:
-        from entoptic.tracker_bridge.sources.pupil_capture import PupilCapture
+        from entoptic.tracker_bridge.sources.pupil_core.capture import PupilCapture
 
         return PupilCapture(tracker.remote)
     if spec == USB:
-        from entoptic.tracker_bridge.sources.usb import UsbTracker
+        from entoptic.tracker_bridge.sources.usb.tracker import UsbTracker
 
         return UsbTracker(tracker.usb_id, capture=tracker.record_raw)
     if spec.startswith(USB_SIMULATED):
-        from entoptic.tracker_bridge.sources.usb_simulated import open_usb_simulated
+        from entoptic.tracker_bridge.usb_twin.backend import open_usb_simulated
 
         played = open_source(spec.removeprefix(USB_SIMULATED), table_map=table_map, simulated=simulated)
         return open_usb_simulated(played, tracker.usb_faults, capture=tracker.record_raw, begun_ns=tracker.usb_begun_ns)
     if spec.startswith(USB_FILE):
-        from entoptic.tracker_bridge.sources.usb_file import open_usb_file
+        from entoptic.tracker_bridge.sources.usb.capture import open_usb_file
 
         return open_usb_file(Path(spec.removeprefix(USB_FILE)))
     return None

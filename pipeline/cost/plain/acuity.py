@@ -1,4 +1,4 @@
-"""Detail lost in the dark: LUI's separable fit, and the true two-dimensional filter of the same widths (LUI §5.3).
+"""Detail lost in the dark: LUI's separable fit, and the true two-dimensional filter of the same widths (LUI 5.3).
 
 Lightness is CIELAB's with white at 100 cd/m². A pixel takes over the blurred luminance and keeps its colour as a linear
 shift: R, G and B change by what Y changes.

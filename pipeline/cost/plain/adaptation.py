@@ -1,4 +1,4 @@
-"""Adaptation to a still frame: the mean under a Gaussian around the gaze, pixel by pixel (LUI §5.1)."""
+"""Adaptation to a still frame: the mean under a Gaussian around the gaze, pixel by pixel (LUI 5.1)."""
 
 from __future__ import annotations
 

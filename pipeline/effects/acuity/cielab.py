@@ -1,4 +1,4 @@
-"""Lightness of CIELAB with white at 100 cd/m², and back: what acuity blurs (LUI §5.3.1)."""
+"""Lightness of CIELAB with white at 100 cd/m², and back: what acuity blurs (LUI 5.3.1)."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""LUI's fast fit (LUI §5.3, 5.16): σ = max(1 − L*, 0) px, blurred along rows, then along columns, 7 taps each.
+"""LUI's fast fit (LUI 5.3, 5.16): σ = max(1 − L*, 0) px, blurred along rows, then along columns, 7 taps each.
 
 Only pixels darker than 0.11 cd/m² (L* = 1) are touched at all. What a frame costs is bytes and exponentials, so:
 each stage is a function of its own, or XLA would fuse the cheap end of one into the next and compute it once for each
@@ -22,7 +22,7 @@ from entoptic.pipeline.measure import luminance
 LIMIT_CD_M2 = CD_M2_PER_LIGHTNESS
 """Where L* = 1: brighter pixels stay sharp."""
 RADIUS_PX = 3
-"""7 taps for every σ, enough up to 1 px (LUI §5.3.2): LUI's 2⌊3σ⌋+1 would drop a tap of 1 % and jump there."""
+"""7 taps for every σ, enough up to 1 px (LUI 5.3.2): LUI's 2⌊3σ⌋+1 would drop a tap of 1 % and jump there."""
 LEAST_VARIANCE = np.float32(0.02)
 """px²; below it σ is taken as this, whose taps weigh 1e-11 beside the middle one."""
 LEAST_WEIGHT = np.float32(2e-4)

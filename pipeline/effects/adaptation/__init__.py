@@ -1,4 +1,4 @@
-"""The luminance an eye is adapted to, over time, and the exposure that follows from it (LUI §5.1).
+"""The luminance an eye is adapted to, over time, and the exposure that follows from it (LUI 5.1).
 
 settings.py   which target, which course, and what else
 targets.py    the luminance that an eye is on its way to, from a frame's tiles

@@ -18,7 +18,7 @@ Left = Annotated[float, msgspec.Meta(ge=1e-6, le=0.999)]
 class Target(DescribedEnum):
     """What an eye adapts to."""
 
-    LUI = "lui", "The mean under a Gaussian around the gaze (LUI §5.1)."
+    LUI = "lui", "The mean under a Gaussian around the gaze (LUI 5.1)."
     KRI = "kri", "The geometric mean of the whole frame, wherever the eye looks (KRI 4.15)."
     BAR_SCENE = "bar-scene", "The mean of the whole frame, or of a panorama: BAR's first method."
     BAR_VIEW = (

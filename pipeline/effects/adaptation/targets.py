@@ -29,7 +29,7 @@ def target_cd_m2(
 
     A gaze outside the frame takes the part of the frame that is nearest to it; only target `lui` follows the gaze.
     `all_around_cd_m2` is the mean of a whole panorama, each row weighing as much as it covers of the sphere, where
-    that is known: `bar-scene` takes it (BAR §3.2).
+    that is known: `bar-scene` takes it (BAR 3.2).
     """
     if settings.target is Target.BAR_SCENE and all_around_cd_m2 is not None:
         return max(all_around_cd_m2, FLOOR_CD_M2)

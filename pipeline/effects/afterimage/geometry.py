@@ -21,7 +21,7 @@ from entoptic.pipeline.frame import View
 HALF_FIELD_DEG = 75.0
 """Eccentricity that the map reaches along its axes. Engineering choice: beyond it the eye sees motion, no images."""
 NODES = 128
-"""A frame is sampled at most so often along its longer side, as its measurement is (LUI §5.1)."""
+"""A frame is sampled at most so often along its longer side, as its measurement is (LUI 5.1)."""
 EDGE_SHARE = 0.05
 """So far beyond its edge, in shares of its longer side, a frame goes on as at the edge; then there is no light.
 

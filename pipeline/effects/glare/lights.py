@@ -3,7 +3,7 @@
 A light is a point or a disc with a spectrum of its own. What its kernel puts into each pixel is known for lights in the
 middle of each of SUBPIXELS² parts of a pixel, and interpolated in between: so a light that moves by a tenth of a pixel,
 or from one pixel into the next, changes smoothly and its light stays the same. Discs are the kernel convolved with
-discs of 1 … LARGEST_LAYER pixels, interpolated in between (KRI §4.2.6).
+discs of 1 … LARGEST_LAYER pixels, interpolated in between (KRI 4.2.6).
 
 It is instant: a frame depends on no other.
 """
@@ -40,7 +40,7 @@ SUMMED_PX = 64
 class Falloff(DescribedEnum):
     """What light scattered to a distance weighs; what it takes stays in the centre, so that no light is lost.
 
-    `x` is the distance over the kernel's radius. KRI has these for kernels that are cut short (§4.2.5, equations 4.11
+    `x` is the distance over the kernel's radius. KRI has these for kernels that are cut short (4.2.5, equations 4.11
     and 4.12); here they are 1 in the centre.
     """
 

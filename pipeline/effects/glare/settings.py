@@ -16,7 +16,7 @@ class GlareLevel(DescribedEnum):
 
     VEIL = "veil", "Light scattered beyond 4.5° alone, at low resolution."
     SOURCES = "sources", "The veil, and the kernel around the few brightest pixels."
-    WINDOW = "window", "The veil, and the kernel of all light in a window around the gaze (LUI §5.2.3)."
+    WINDOW = "window", "The veil, and the kernel of all light in a window around the gaze (LUI 5.2.3)."
     FRAME = "frame", "The veil, and the kernel of all light of the frame."
     REFERENCE = (
         "reference",
@@ -36,9 +36,9 @@ class Glare(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         bool,
         described(
             "Only light above the display's peak scatters, since below it the display itself makes the eye glare "
-            "(SPE §4)."
+            "(SPE 4)."
         ),
     ] = False
     falloff: Annotated[
-        Falloff, described("How the glare of lights of their own fades towards the kernel's edge (KRI §4.2.5).")
+        Falloff, described("How the glare of lights of their own fades towards the kernel's edge (KRI 4.2.5).")
     ] = Falloff.NONE

@@ -1,6 +1,6 @@
 """Glare of all light in a window around the gaze, or of the whole frame, by FFT.
 
-The window is LUI's (§5.2.3): an FFT of 1024 pixels on a display of 1440 px over 104°, 42° to either side in the middle
+The window is LUI's (5.2.3): an FFT of 1024 pixels on a display of 1440 px over 104°, 42° to either side in the middle
 of the view; the same angle on other displays. Light scatters in full within half the window's reach of the gaze and
 less and less further out. The falloff weighs the light that is scattered, not the result: no light is lost or made, and
 a lamp that crosses the window's edge has no glare there to jump.
@@ -34,7 +34,7 @@ from entoptic.pipeline.frame import View
 from entoptic.pipeline.measure import Measurement, luminance
 
 WINDOW_PX = 1024
-"""Side of the gaze window's FFT on LUI's display (LUI §5.2.3)."""
+"""Side of the gaze window's FFT on LUI's display (LUI 5.2.3)."""
 WINDOW_FOCAL_PX = 720 / math.tan(math.radians(52))
 """That display's focal length: 1440 px over 104°."""
 

@@ -79,7 +79,7 @@ def _rod_white(adapted_cd_m2: float) -> NDArray[np.float64]:
 
 
 def _pupil_mm(luminance_cd_m2: float) -> float:
-    """Moon & Spencer (SPE §3.1.1): a coarse pupil is enough, as gains fall with its root."""
+    """Moon & Spencer (SPE 3.1.1): a coarse pupil is enough, as gains fall with its root."""
     return 4.9 - 3 * math.tanh(0.4 * (math.log10(max(luminance_cd_m2, 1e-30)) + 1))
 
 

@@ -286,7 +286,7 @@ def test_planes_that_cannot_be_propagated_are_refused_by_name() -> None:
 
 
 def test_particles_of_the_vitreous_in_their_own_plane() -> None:
-    """The single plane that RIT §4.1 chose has another pattern of speckles and the same light at each angle."""
+    """The single plane that RIT 4.1 chose has another pattern of speckles and the same light at each angle."""
     n = 1024
     observer = Observer(particles=0, gratings=0, cornea_cells=0)
     first, later = aperture.planes(observer, Pose(5.0), n)

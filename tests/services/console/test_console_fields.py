@@ -36,7 +36,7 @@ def test_those_of_lui_come_first() -> None:
 
 def test_sentences_come_from_the_records() -> None:
     by_path = {field.path: field for field in fields()}
-    assert "LUI §5.2.4" in by_path["observer.particles"].help
+    assert "LUI 5.2.4" in by_path["observer.particles"].help
     assert by_path["observer.particle_mm"].label == "Particle, mm"
     assert dict(by_path["glare.level"].options)["veil"].startswith("Light scattered")
     assert by_path["plan.budget_ms"].optional

@@ -15,8 +15,8 @@ from entoptic.tracker_bridge.events import (
 )
 from entoptic.tracker_bridge.samples import PupilSample
 from entoptic.tracker_bridge.source import Item
-from entoptic.tracker_bridge.sources.pupil_bus import SUBSCRIPTIONS
-from entoptic.tracker_bridge.sources.pupil_capture import PupilCapture
+from entoptic.tracker_bridge.sources.pupil_core.bus import SUBSCRIPTIONS
+from entoptic.tracker_bridge.sources.pupil_core.capture import PupilCapture
 
 S = 1_000_000_000
 PATIENCE_S = 30.0

@@ -4,8 +4,8 @@ from collections.abc import Iterator, Sequence
 
 from entoptic.tracker_bridge.samples import Eye, GazeSample, PupilSample
 from entoptic.tracker_bridge.source import Item, SourceInfo
-from entoptic.tracker_bridge.sources.usb import UsbTracker
-from entoptic.tracker_bridge.sources.usb_simulated import TwinBackend, open_usb_simulated
+from entoptic.tracker_bridge.sources.usb.tracker import UsbTracker
+from entoptic.tracker_bridge.usb_twin.backend import TwinBackend, open_usb_simulated
 
 START_NS = 10**15
 Sample = PupilSample | GazeSample

@@ -8,15 +8,15 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from entoptic.tracker_bridge.sources.hid_descriptor import (
+from entoptic.tracker_bridge.sources.hid.descriptor import (
     CONSTANT,
     MAX_REPORT_BYTES,
     ReportKind,
     parse_report_descriptor,
 )
-from entoptic.tracker_bridge.sources.hid_items import HidDescriptorError
-from entoptic.tracker_bridge.sources.hid_report import report_layouts
-from entoptic.tracker_bridge.sources.usb_twin_report import DESCRIPTOR
+from entoptic.tracker_bridge.sources.hid.items import HidDescriptorError
+from entoptic.tracker_bridge.sources.hid.report import report_layouts
+from entoptic.tracker_bridge.usb_twin.report import DESCRIPTOR
 
 Shared = Callable[[str], Path]
 REAL = ["gazehid_eyetracker", "dmf_virtualeyegaze"]

@@ -8,13 +8,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from entoptic.tracker_bridge.samples import Eye, GazeSample, PupilSample
-from entoptic.tracker_bridge.sources.hid_descriptor import ReportKind
-from entoptic.tracker_bridge.sources.hid_eye_tracker import Configuration, EyeTrackerReports, Status
-from entoptic.tracker_bridge.sources.hid_gaze import INTERPUPILLARY_MM, middle_mm, samples_of, viewing
-from entoptic.tracker_bridge.sources.hid_items import HidDescriptorError
-from entoptic.tracker_bridge.sources.hid_report import HidReportError, ReportLayout
-from entoptic.tracker_bridge.sources.hid_tracking import Tracking
-from entoptic.tracker_bridge.sources.usb_twin_report import (
+from entoptic.tracker_bridge.sources.hid.descriptor import ReportKind
+from entoptic.tracker_bridge.sources.hid.eye_tracker import Configuration, EyeTrackerReports, Status
+from entoptic.tracker_bridge.sources.hid.gaze import INTERPUPILLARY_MM, middle_mm, samples_of, viewing
+from entoptic.tracker_bridge.sources.hid.items import HidDescriptorError
+from entoptic.tracker_bridge.sources.hid.report import HidReportError, ReportLayout
+from entoptic.tracker_bridge.sources.hid.tracking import Tracking
+from entoptic.tracker_bridge.usb_twin.report import (
     DESCRIPTOR,
     EYES_UM,
     MIDDLE_UM,

@@ -6,8 +6,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from entoptic.tracker_bridge.sources.hid_descriptor import ReportKind, parse_report_descriptor
-from entoptic.tracker_bridge.sources.hid_report import (
+from entoptic.tracker_bridge.sources.hid.descriptor import ReportKind, parse_report_descriptor
+from entoptic.tracker_bridge.sources.hid.report import (
     HidReportError,
     LongReportError,
     Reassembly,
@@ -20,7 +20,7 @@ from entoptic.tracker_bridge.sources.hid_report import (
     plain,
     report_layouts,
 )
-from entoptic.tracker_bridge.sources.usb_twin_report import DESCRIPTOR
+from entoptic.tracker_bridge.usb_twin.report import DESCRIPTOR
 
 TWIN = report_layouts(parse_report_descriptor(DESCRIPTOR))
 TRACKING, STATUS = TWIN[ReportKind.INPUT, 0x10], TWIN[ReportKind.INPUT, 0x13]

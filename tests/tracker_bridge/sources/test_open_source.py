@@ -6,8 +6,8 @@ import pytest
 from entoptic.tracker_bridge.samples import GazeSample, PupilSample
 from entoptic.tracker_bridge.source import SourceError
 from entoptic.tracker_bridge.sources import TrackerSettings, open_source
-from entoptic.tracker_bridge.sources.pupil_writer import write_recording
-from entoptic.tracker_bridge.sources.simulated import SimulatedSettings
+from entoptic.tracker_bridge.sources.pupil_core.recorder import write_recording
+from entoptic.tracker_bridge.sources.simulated.eyes import SimulatedSettings
 
 TINY = SimulatedSettings(seconds=1.0)
 MAP = 'name = "Mine"\ntime = { column = "t", unit = "s" }\n[right]\ndiameter = { column = "d", unit = "mm" }\n'

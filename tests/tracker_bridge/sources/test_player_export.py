@@ -6,7 +6,7 @@ import pytest
 
 from entoptic.tracker_bridge.samples import Eye, GazeSample, PupilSample
 from entoptic.tracker_bridge.source import SourceError
-from entoptic.tracker_bridge.sources.player_export import open_player_export
+from entoptic.tracker_bridge.sources.pupil_core.player_export import open_player_export
 
 # The columns that Pupil Player writes, in its order.
 PUPIL_HEADER = (

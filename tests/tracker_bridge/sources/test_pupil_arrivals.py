@@ -18,9 +18,9 @@ from entoptic.tracker_bridge.events import (
 )
 from entoptic.tracker_bridge.samples import Eye, GazeSample, PupilSample
 from entoptic.tracker_bridge.source import Item, Tick
-from entoptic.tracker_bridge.sources import pupil_remote
-from entoptic.tracker_bridge.sources.pupil_capture import BEFORE_CLOCK, TICK_NS, WRONG_TIME, Arrivals
-from entoptic.tracker_bridge.sources.pupil_link import (
+from entoptic.tracker_bridge.sources.pupil_core import remote as pupil_remote
+from entoptic.tracker_bridge.sources.pupil_core.capture import BEFORE_CLOCK, TICK_NS, WRONG_TIME, Arrivals
+from entoptic.tracker_bridge.sources.pupil_core.link import (
     Connected,
     Inbox,
     Message,
@@ -30,8 +30,8 @@ from entoptic.tracker_bridge.sources.pupil_link import (
     RoundTrip,
     Unreachable,
 )
-from entoptic.tracker_bridge.sources.pupil_remote import RemoteAddress
-from entoptic.tracker_bridge.sources.pupil_tasks import Command, Order
+from entoptic.tracker_bridge.sources.pupil_core.remote import RemoteAddress
+from entoptic.tracker_bridge.sources.pupil_core.tasks import Command, Order
 
 S, MS = 1_000_000_000, 1_000_000
 

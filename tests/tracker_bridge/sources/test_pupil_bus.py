@@ -14,8 +14,8 @@ from hypothesis import strategies as st
 
 from entoptic.tracker_bridge.events import TaskKind, TaskOutcome, TrackerStatus, TrackerTask
 from entoptic.tracker_bridge.samples import Eye, GazeSample, PupilSample
-from entoptic.tracker_bridge.sources import pupil_bus
-from entoptic.tracker_bridge.sources.pupil_bus import IMAGES_WITHOUT_3D, SUBSCRIPTIONS, PupilBus, Read
+from entoptic.tracker_bridge.sources.pupil_core import bus as pupil_bus
+from entoptic.tracker_bridge.sources.pupil_core.bus import IMAGES_WITHOUT_3D, SUBSCRIPTIONS, PupilBus, Read
 
 Shared = Callable[[str], Path]
 Map = dict[str, Any]

@@ -35,9 +35,10 @@ from entoptic.tracker_bridge.events import (
 )
 from entoptic.tracker_bridge.samples import Eye, GazeSample, PupilSample
 from entoptic.tracker_bridge.source import Item, SourceError, Tick
-from entoptic.tracker_bridge.sources import pupil_link, pupil_remote
-from entoptic.tracker_bridge.sources.pupil_bus import IMAGES_WITHOUT_3D, SUBSCRIPTIONS
-from entoptic.tracker_bridge.sources.pupil_capture import DROPPED, PupilCapture
+from entoptic.tracker_bridge.sources.pupil_core import link as pupil_link
+from entoptic.tracker_bridge.sources.pupil_core import remote as pupil_remote
+from entoptic.tracker_bridge.sources.pupil_core.bus import IMAGES_WITHOUT_3D, SUBSCRIPTIONS
+from entoptic.tracker_bridge.sources.pupil_core.capture import DROPPED, PupilCapture
 
 
 @pytest.fixture

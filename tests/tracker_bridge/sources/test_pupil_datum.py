@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from entoptic.tracker_bridge.samples import Eye, GazeSample, PupilSample
 from entoptic.tracker_bridge.source import SourceError
-from entoptic.tracker_bridge.sources.pupil_datum import (
+from entoptic.tracker_bridge.sources.pupil_core.datum import (
     base_pupils,
     decode_gaze,
     decode_pupil,

@@ -12,11 +12,11 @@ import numpy as np
 import pytest
 
 from entoptic.tracker_bridge.samples import NS_PER_S, Eye, GazeSample, PupilSample
-from entoptic.tracker_bridge.sources import pupil_recorder
 from entoptic.tracker_bridge.sources.loaded import Sample, sort_key
-from entoptic.tracker_bridge.sources.pupil_recorder import PupilRecorder, RecordingError
-from entoptic.tracker_bridge.sources.recording import open_recording
-from entoptic.tracker_bridge.sources.simulated import SimulatedEyes, SimulatedSettings
+from entoptic.tracker_bridge.sources.pupil_core import recorder as pupil_recorder
+from entoptic.tracker_bridge.sources.pupil_core.recorder import PupilRecorder, RecordingError
+from entoptic.tracker_bridge.sources.pupil_core.recording import open_recording
+from entoptic.tracker_bridge.sources.simulated.eyes import SimulatedEyes, SimulatedSettings
 
 PERIOD_NS = NS_PER_S // 200
 
@@ -148,7 +148,7 @@ CHILD = """
 import sys
 from pathlib import Path
 from entoptic.tracker_bridge.samples import Eye, GazeSample, PupilSample
-from entoptic.tracker_bridge.sources.pupil_recorder import PupilRecorder
+from entoptic.tracker_bridge.sources.pupil_core.recorder import PupilRecorder
 
 recorder = PupilRecorder(Path(sys.argv[1]))
 for at in range(10**9):

@@ -11,8 +11,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from entoptic.tracker_bridge.source import SourceError
-from entoptic.tracker_bridge.sources import pupil_remote
-from entoptic.tracker_bridge.sources.pupil_remote import (
+from entoptic.tracker_bridge.sources.pupil_core import remote as pupil_remote
+from entoptic.tracker_bridge.sources.pupil_core.remote import (
     ForbiddenRequestError,
     Remote,
     RemoteAddress,

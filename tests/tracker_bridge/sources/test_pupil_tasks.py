@@ -3,8 +3,8 @@ from __future__ import annotations
 import pytest
 
 from entoptic.tracker_bridge.events import TaskKind, TaskOutcome, TrackerTask
-from entoptic.tracker_bridge.sources import pupil_remote
-from entoptic.tracker_bridge.sources.pupil_tasks import EXPECTED, FIT, Command, OpenTasks, Order
+from entoptic.tracker_bridge.sources.pupil_core import remote as pupil_remote
+from entoptic.tracker_bridge.sources.pupil_core.tasks import EXPECTED, FIT, Command, OpenTasks, Order
 
 S = 1_000_000_000
 REQUESTS = {

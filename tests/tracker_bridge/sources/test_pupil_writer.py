@@ -15,9 +15,9 @@ from numpy.typing import NDArray
 from entoptic.tracker_bridge.samples import Eye, GazeSample, PupilSample
 from entoptic.tracker_bridge.source import Source, SourceError, SourceInfo
 from entoptic.tracker_bridge.sources.loaded import LoadedSource, Sample, sort_key
-from entoptic.tracker_bridge.sources.pupil_writer import write_recording
-from entoptic.tracker_bridge.sources.recording import open_recording
-from entoptic.tracker_bridge.sources.simulated import SimulatedEyes, SimulatedSettings
+from entoptic.tracker_bridge.sources.pupil_core.recorder import write_recording
+from entoptic.tracker_bridge.sources.pupil_core.recording import open_recording
+from entoptic.tracker_bridge.sources.simulated.eyes import SimulatedEyes, SimulatedSettings
 
 ELEVEN_DAYS_NS = 11 * 24 * 3600 * 10**9
 HUNDRED_YEARS_NS = 100 * 366 * 24 * 3600 * 10**9

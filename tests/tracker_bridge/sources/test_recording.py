@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from entoptic.tracker_bridge.samples import Eye, GazeSample, PupilSample
 from entoptic.tracker_bridge.source import Source, SourceError
-from entoptic.tracker_bridge.sources.recording import open_recording
+from entoptic.tracker_bridge.sources.pupil_core.recording import open_recording
 
 Shared = Callable[[str], Path]
 Map = dict[str, Any]

@@ -12,19 +12,19 @@ from benchmarks import light_reflex
 
 from entoptic.tracker_bridge.samples import Eye, GazeSample, PupilSample
 from entoptic.tracker_bridge.source import SourceError
-from entoptic.tracker_bridge.sources import simulated_pupil
-from entoptic.tracker_bridge.sources.simulated import SimulatedEyes, SimulatedSettings
-from entoptic.tracker_bridge.sources.simulated_gaze import MAIN_SEQUENCE_DEG_S, Movement, positions_deg
-from entoptic.tracker_bridge.sources.simulated_lid import Blink, draw_blinks, openness_at, visible_area, visible_height
-from entoptic.tracker_bridge.sources.simulated_pupil import (
+from entoptic.tracker_bridge.sources.simulated import pupil as simulated_pupil
+from entoptic.tracker_bridge.sources.simulated.eyes import SimulatedEyes, SimulatedSettings
+from entoptic.tracker_bridge.sources.simulated.gaze import MAIN_SEQUENCE_DEG_S, Movement, positions_deg
+from entoptic.tracker_bridge.sources.simulated.lid import Blink, draw_blinks, openness_at, visible_area, visible_height
+from entoptic.tracker_bridge.sources.simulated.pupil import (
     LATENCY_S,
     STEP_S,
     light_reflex_mm,
     watson_yellott_mm,
     with_hippus_mm,
 )
-from entoptic.tracker_bridge.sources.simulated_tracker import LOST_MM
-from entoptic.tracker_bridge.sources.simulated_truth import TruthEvent
+from entoptic.tracker_bridge.sources.simulated.tracker import LOST_MM
+from entoptic.tracker_bridge.sources.simulated.truth import TruthEvent
 
 NS = 1_000_000_000
 

@@ -10,8 +10,8 @@ import pytest
 
 from entoptic.tracker_bridge.samples import NS_PER_S, Eye, GazeSample, PupilSample
 from entoptic.tracker_bridge.source import Item, SourceError, Tick
-from entoptic.tracker_bridge.sources.simulated import SimulatedEyes, SimulatedSettings
-from entoptic.tracker_bridge.sources.simulated_endless import STRETCH_S, EndlessEyes
+from entoptic.tracker_bridge.sources.simulated.endless import STRETCH_S, EndlessEyes
+from entoptic.tracker_bridge.sources.simulated.eyes import SimulatedEyes, SimulatedSettings
 
 MS = 1_000_000
 DIM = SimulatedSettings(seed=3, luminance=((0.0, 1.0),), hippus=0.0, diameter_noise_mm=0.0, noise_deg=0.0)

@@ -7,9 +7,9 @@ import pytest
 
 from entoptic.tracker_bridge.samples import NS_PER_S, Eye, GazeSample, PupilSample
 from entoptic.tracker_bridge.source import Item, SourceError, Tick
-from entoptic.tracker_bridge.sources.simulated import SimulatedEyes, SimulatedSettings
-from entoptic.tracker_bridge.sources.simulated_live import BLOCK_S, Hippus, LightReflex, SimulatedLiveEyes
-from entoptic.tracker_bridge.sources.simulated_pupil import LATENCY_S, STEP_S, light_reflex_mm, with_hippus_mm
+from entoptic.tracker_bridge.sources.simulated.eyes import SimulatedEyes, SimulatedSettings
+from entoptic.tracker_bridge.sources.simulated.live import BLOCK_S, Hippus, LightReflex, SimulatedLiveEyes
+from entoptic.tracker_bridge.sources.simulated.pupil import LATENCY_S, STEP_S, light_reflex_mm, with_hippus_mm
 
 LIGHT = ((0.0, 10.0), (1.0, 500.0), (2.5, 0.1), (2.7, 3.0))
 STILL = SimulatedSettings(

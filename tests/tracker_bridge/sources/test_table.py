@@ -10,9 +10,9 @@ from hypothesis import strategies as st
 
 from entoptic.tracker_bridge.samples import Eye, GazeSample, PupilSample
 from entoptic.tracker_bridge.source import SourceError
-from entoptic.tracker_bridge.sources import table_map as table_map_module
-from entoptic.tracker_bridge.sources.table import open_table
-from entoptic.tracker_bridge.sources.table_map import read_table_map, shipped_maps
+from entoptic.tracker_bridge.sources.table import map as table_map_module
+from entoptic.tracker_bridge.sources.table.map import read_table_map, shipped_maps
+from entoptic.tracker_bridge.sources.table.source import open_table
 
 Shared = Callable[[str], Path]
 
@@ -235,7 +235,7 @@ def test_a_map_of_nothing_or_of_both_shapes_is_refused(tmp_path: Path) -> None:
 
 def test_a_table_that_no_shipped_map_fits_is_told_what_to_do(tmp_path: Path) -> None:
     assert "tobii_pro_lab" in shipped_maps()
-    with pytest.raises(SourceError, match=r"tobii_pro_lab.*table_map\.py"):
+    with pytest.raises(SourceError, match=r"tobii_pro_lab.*map\.py"):
         open_table(table(tmp_path, HEADER, FIRST))
 
 

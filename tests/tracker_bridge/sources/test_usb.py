@@ -14,9 +14,9 @@ from entoptic.tracker_bridge.events import ClockJumped, SourceBack, SourceSilent
 from entoptic.tracker_bridge.samples import NS_PER_S, GazeSample, PupilSample
 from entoptic.tracker_bridge.source import Item, SourceError, Tick
 from entoptic.tracker_bridge.sources.loaded import LoadedSource
-from entoptic.tracker_bridge.sources.recording import open_recording
-from entoptic.tracker_bridge.sources.simulated import SimulatedEyes, SimulatedSettings
-from entoptic.tracker_bridge.sources.usb_device import (
+from entoptic.tracker_bridge.sources.pupil_core.recording import open_recording
+from entoptic.tracker_bridge.sources.simulated.eyes import SimulatedEyes, SimulatedSettings
+from entoptic.tracker_bridge.sources.usb.device import (
     GET_DESCRIPTOR,
     GET_REPORT,
     REPORT_DESCRIPTOR,
@@ -24,8 +24,8 @@ from entoptic.tracker_bridge.sources.usb_device import (
     UsbError,
     UsbTimeout,
 )
-from entoptic.tracker_bridge.sources.usb_faults import parse_faults
-from entoptic.tracker_bridge.sources.usb_simulated import TwinBackend, open_usb_simulated
+from entoptic.tracker_bridge.usb_twin.backend import TwinBackend, open_usb_simulated
+from entoptic.tracker_bridge.usb_twin.faults import parse_faults
 
 Shared = Callable[[str], Path]
 

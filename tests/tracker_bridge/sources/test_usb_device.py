@@ -10,11 +10,11 @@ import pytest
 from played_tracker import Played, Time, over, samples_in
 
 from entoptic.tracker_bridge.source import SourceError
-from entoptic.tracker_bridge.sources.usb import UsbTracker
-from entoptic.tracker_bridge.sources.usb_device import GET_DESCRIPTOR, UsbError, find_tracker
-from entoptic.tracker_bridge.sources.usb_remedies import cannot_use, no_backend, no_permission
-from entoptic.tracker_bridge.sources.usb_simulated import TwinBackend
-from entoptic.tracker_bridge.sources.usb_twin_report import DESCRIPTOR
+from entoptic.tracker_bridge.sources.usb.device import GET_DESCRIPTOR, UsbError, find_tracker
+from entoptic.tracker_bridge.sources.usb.remedies import cannot_use, no_backend, no_permission
+from entoptic.tracker_bridge.sources.usb.tracker import UsbTracker
+from entoptic.tracker_bridge.usb_twin.backend import TwinBackend
+from entoptic.tracker_bridge.usb_twin.report import DESCRIPTOR
 
 NO_FILES = Path("/nonexistent")
 

@@ -8,11 +8,10 @@ from played_tracker import Played, Time, samples_in
 
 from entoptic.tracker_bridge.samples import Eye, GazeSample, PupilSample
 from entoptic.tracker_bridge.source import SourceError
-from entoptic.tracker_bridge.sources.usb_capture import UsbCapture
-from entoptic.tracker_bridge.sources.usb_file import open_usb_file
-from entoptic.tracker_bridge.sources.usb_simulated import open_usb_simulated
-from entoptic.tracker_bridge.sources.usb_stream import Connection
-from entoptic.tracker_bridge.sources.usb_twin_report import DESCRIPTOR, tracking_report
+from entoptic.tracker_bridge.sources.usb.capture import UsbCapture, open_usb_file
+from entoptic.tracker_bridge.sources.usb.stream import Connection
+from entoptic.tracker_bridge.usb_twin.backend import open_usb_simulated
+from entoptic.tracker_bridge.usb_twin.report import DESCRIPTOR, tracking_report
 
 
 def captured(path: Path, *faults: str) -> list[PupilSample | GazeSample]:

@@ -10,8 +10,8 @@ from entoptic.tracker_bridge.clock import ArrivalClock
 from entoptic.tracker_bridge.events import ClockEstimated, TrackerStatus
 from entoptic.tracker_bridge.samples import Eye, GazeSample, PupilSample
 from entoptic.tracker_bridge.source import Tick
-from entoptic.tracker_bridge.sources.usb_stream import Connection, PacketStream
-from entoptic.tracker_bridge.sources.usb_twin_report import DESCRIPTOR, feature_report, status_report, tracking_report
+from entoptic.tracker_bridge.sources.usb.stream import Connection, PacketStream
+from entoptic.tracker_bridge.usb_twin.report import DESCRIPTOR, feature_report, status_report, tracking_report
 
 Shared = Callable[[str], Path]
 FEATURES = {number: report for number in range(0x11, 0x15) if (report := feature_report(number, 3))}

@@ -99,7 +99,7 @@ def test_an_eye_that_has_settled_sees_by_the_light_not_by_what_it_bleached(kind:
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_the_dark_comes_in_twenty_to_forty_minutes(kind: Bleaching) -> None:
-    """LUI §2.2.2 v: 20 to 30 minutes; after a full bleach rods take 40 (Rushton 1961)."""
+    """LUI 2.2.2 v: 20 to 30 minutes; after a full bleach rods take 40 (Rushton 1961)."""
     pigments, seen = settled(1e6, kind), []
     for _ in range(40):
         pigments = step_pigments(pigments, 0.0, 60.0, kind)
