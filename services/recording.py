@@ -170,16 +170,13 @@ def finish(folder: Path, *, replaces: bool = True) -> Finished:
 
 def told(session: session_file.SessionFile, notes: HostNotes, done: dict[str, Any]) -> dict[str, Any]:
     """All of a summary, live or not; `done` is what services.results.finish.finish says."""
-    view = session.config.view
+    config = msgspec.to_builtins(session.config, order="deterministic")
+    config["settings"] = done.pop("perception", config["settings"])
     return {
-        "recording": session.source,
+        "source": session.source,
         "scene": session.scene,
-        "view": {"width_px": view.width_px, "height_px": view.height_px, "fov_deg": view.fov_deg},
-        "fps": view.fps,
-        "eyes": view.eyes.value,
         "mode": session.mode,
-        "seed": session.config.eyes.seed,
-        "perception": msgspec.to_builtins(session.config.settings, order="deterministic"),
+        "config": config,
         "interrupted": notes.interrupted,
         "gaps": list(notes.gaps),
         "trouble": notes.trouble,

@@ -36,7 +36,7 @@ class Rendered:
 
 
 class Rendering:
-    """A scene before one person's eyes. The same calls give the same frames to the bit."""
+    """One person viewing a scene. The same calls give the same frames to the bit."""
 
     def __init__(
         self,

@@ -111,12 +111,12 @@ def from_session(folder: Path, frame_number: int | None, settings: Settings | No
     path = folder / "key_frames" / f"{number:06d}_scene.exr"
     if not path.is_file():
         raise FrameError(f"{path}: the session kept no scene of this frame; render it anew: entoptic session")
-    fov_deg = float(summary["view"]["fov_deg"])
+    fov_deg = float(summary["config"]["view"]["fov_deg"])
     # Both eyes' images lie side by side.
     images = np.stack(np.split(image_file.read(path).rgb, len(eyes), axis=2))
     frame = Frame.from_rgb(images, fov_deg)
     try:
-        used = settings or msgspec.convert(summary.get("perception", {}), Settings)
+        used = settings or msgspec.convert(summary["config"]["settings"], Settings)
     except msgspec.ValidationError as error:
         raise FrameError(f"{folder / 'summary.json'}: {error}; give --settings") from None
     return Subject(

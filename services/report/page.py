@@ -64,7 +64,7 @@ def _page(folder: Path, summary: dict[str, Any], states: Table, events: Table, p
     worker = summary.get("worker") or {}
     gaps = [gap for gap in summary.get("gaps") or [] if gap["to_s"] is None or gap["to_s"] > 0]
     pairs = _pairs(folder)
-    subject = Subject(states, plan, summary["view"], gaps)
+    subject = Subject(states, plan, summary["config"]["view"], gaps)
     return _template().render(
         summary=summary,
         worker=worker,

@@ -88,7 +88,7 @@ def _render(opened: OpenedSession, folder: Path, stop: Stop, work: Work) -> Outc
     view, settings = opened.config.view, opened.config.settings
     rendering = Rendering(opened.scene, opened.view, EYES[view.eyes], settings, SHIPPED)
     work.stage = "compiling"
-    source = _before_the_scene(opened, folder)
+    source = _viewing_eyes(opened, folder)
     warm_up_s = rendering.warm_up(stop)
     path, eyes_map = open_head_path(view.head), opened.config.eyes.pupil_map
     chain = Chain(
@@ -122,7 +122,7 @@ def _render(opened: OpenedSession, folder: Path, stop: Stop, work: Work) -> Outc
     return Outcome(work.frame, EyesSummary(source.info.name, eyes.states, chain.late_count), stop())
 
 
-def _before_the_scene(opened: OpenedSession, folder: Path) -> Source:
+def _viewing_eyes(opened: OpenedSession, folder: Path) -> Source:
     """The eye data; simulated pupils answer to the light of the scene, which is kept as a table."""
     eyes, view = opened.config.eyes, opened.config.view
     if eyes.source != SIMULATED:

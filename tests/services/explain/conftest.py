@@ -67,6 +67,6 @@ def session(tmp_path: Path, lamp: np.ndarray) -> Path:
         image = lamp * number
         write_exr(folder / "key_frames" / f"{number:06d}_scene.exr", np.concatenate([image, image / 2], axis=1))
     view = {"width_px": WIDTH, "height_px": HEIGHT, "fov_deg": FOV_DEG}
-    summary = {"view": view, "perception": {"observer": {"age_years": 61.0}}}
+    summary = {"config": {"view": view, "settings": {"observer": {"age_years": 61.0}}}}
     (folder / "summary.json").write_text(json.dumps(summary), encoding="utf-8")
     return folder

@@ -62,7 +62,7 @@ class TestSession:
 
     def test_settings_that_cannot_be_are_named(self, session: Path) -> None:
         summary = json.loads((session / "summary.json").read_text(encoding="utf-8"))
-        summary["perception"]["observer"]["age_years"] = 500
+        summary["config"]["settings"]["observer"]["age_years"] = 500
         (session / "summary.json").write_text(json.dumps(summary), encoding="utf-8")
         with pytest.raises(FrameError, match=r"summary\.json: .*<= 120.*give --settings"):
             subject.from_session(session, None, None)
