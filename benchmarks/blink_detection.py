@@ -14,10 +14,10 @@ import numpy as np
 from benchmarks import blink_data
 from benchmarks.blink_data import LabelledEye
 from entoptic.services.event_scores import Span, compare
-from entoptic.tracker_bridge import absence, course, dropout, lid_dips, trust
+from entoptic.tracker_bridge import dropout, dropout_interval, extrapolation, lids, trust
 from entoptic.tracker_bridge.dropout import DropoutFilter
 from entoptic.tracker_bridge.events import BlinkOffset, BlinkOnset
-from entoptic.tracker_bridge.recording_lane import RecordingLane
+from entoptic.tracker_bridge.fixed_lag import FixedLagSmoother
 from entoptic.tracker_bridge.samples import Eye, EyeState, OneEyeState, PupilSample
 from entoptic.tracker_bridge.sources.simulated.eyes import SimulatedEyes, SimulatedSettings
 
@@ -28,21 +28,21 @@ INSTRUCTIONS = ("long blinks", "very long blinks", "slow blinks", "squints")
 
 CONSTANTS: dict[str, tuple[object, ...]] = {
     "MAX_SPEED_PER_S": (trust,),
-    "SPEED_WINDOW_NS": (trust, absence),
-    "MIN_CONFIDENCE": (trust, absence),
-    "NOTHING_FOUND": (absence,),
-    "MIN_COVER_NS": (absence,),
-    "SETTLE_NS": (absence,),
-    "HALF_CLOSED_NS": (absence,),
-    "WHOLE_SHARE": (absence,),
-    "IRIS_SPEED_PER_S": (trust, absence, course),
-    "SIGHTS_OF_A_LID": (absence,),
-    "CLOSED_OPENNESS": (absence,),
+    "SPEED_WINDOW_NS": (trust, dropout_interval),
+    "MIN_CONFIDENCE": (trust, dropout_interval),
+    "NOTHING_FOUND": (dropout_interval,),
+    "MIN_COVER_NS": (dropout_interval,),
+    "SETTLE_NS": (dropout_interval,),
+    "HALF_CLOSED_NS": (dropout_interval,),
+    "WHOLE_SHARE": (dropout_interval,),
+    "IRIS_SPEED_PER_S": (trust, dropout_interval, extrapolation),
+    "SIGHTS_OF_A_LID": (dropout_interval,),
+    "CLOSED_OPENNESS": (dropout_interval,),
     "ROLL_BACK_NS": (dropout,),
-    "DEPTH": (lid_dips,),
-    "FALL_NS": (lid_dips,),
-    "FADE_S": (course,),
-    "BASELINE_NS": (course, dropout),
+    "DEPTH": (lids,),
+    "FALL_NS": (lids,),
+    "FADE_S": (extrapolation,),
+    "BASELINE_NS": (extrapolation, dropout),
 }
 """Each constant and the modules that hold its value."""
 
@@ -65,7 +65,7 @@ def found_blinks(samples: Sequence[PupilSample]) -> list[Span]:
 
 
 def live_states(eyes: SimulatedEyes) -> Iterator[EyeState]:
-    """The states of the live lane, of pupils alone."""
+    """The states of the live mode, of pupils alone."""
     filters = {eye: DropoutFilter() for eye in Eye}
     pupils = (sample for sample in eyes.samples() if isinstance(sample, PupilSample))
     for sequence, (t_ns, samples) in enumerate(itertools.groupby(pupils, key=lambda sample: sample.t_ns)):
@@ -85,11 +85,11 @@ def live_states(eyes: SimulatedEyes) -> Iterator[EyeState]:
 
 
 def recorded_states(eyes: SimulatedEyes) -> Iterator[EyeState]:
-    """The states of the recording lane."""
-    lane = RecordingLane()
+    """The states of the recording mode."""
+    mode = FixedLagSmoother()
     for state in live_states(eyes):
-        yield from lane.step(state)
-    yield from lane.flush()
+        yield from mode.step(state)
+    yield from mode.flush()
 
 
 def error_around_blinks_mm(eyes: SimulatedEyes, states: Callable[[SimulatedEyes], Iterator[EyeState]]) -> float:
@@ -191,11 +191,11 @@ def main() -> None:
 
     print("\n### Pupil around blinks\n")
     print("RMS error, mm, within 200 ms of a blink; simulated eyes, 200 Hz, noise 0.01 mm, light that changes.\n")
-    print("| seed | live lane | recording lane, 50 ms later |\n|---|--:|--:|")
+    print("| seed | live mode | recording mode, 50 ms later |\n|---|--:|--:|")
     errors = []
     for seed in SEEDS:
         eyes_of_seed = SimulatedEyes(SimulatedSettings(seconds=60.0, seed=seed))
-        errors.append([error_around_blinks_mm(eyes_of_seed, lane) for lane in (live_states, recorded_states)])
+        errors.append([error_around_blinks_mm(eyes_of_seed, mode) for mode in (live_states, recorded_states)])
         print(f"| {seed} | {errors[-1][0]:.4f} | {errors[-1][1]:.4f} |", flush=True)
     print("| worst | " + " | ".join(f"{worst:.4f}" for worst in np.max(errors, axis=0)) + " |")
 
@@ -213,7 +213,7 @@ def main() -> None:
     def figures() -> list[str]:
         f1 = [f"{f1_of(eyes):.2f}" for eyes in (human, lids, pupils, drawn)]
         rms = [
-            f"{max(error_around_blinks_mm(eyes, lane) for eyes in some):.3f}" for lane in (live_states, recorded_states)
+            f"{max(error_around_blinks_mm(eyes, mode) for eyes in some):.3f}" for mode in (live_states, recorded_states)
         ]
         return f1 + rms
 

@@ -28,7 +28,7 @@ AT_A_TIME = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") els
 BUDGET = ["tests/pipeline/budget"]
 PLAN = ["tests/pipeline/plan/test_make_plan.py"]
 CHAIN = ["tests/tracker_bridge/test_chain.py", "tests/tracker_bridge/test_dropout.py"]
-CHAIN += ["tests/tracker_bridge/test_recording_lane.py", "tests/tracker_bridge/test_labelled_blinks.py"]
+CHAIN += ["tests/tracker_bridge/test_fixed_lag.py", "tests/tracker_bridge/test_labelled_blinks.py"]
 TARGETS: dict[str, dict[str, list[str]]] = {
     "planner": {f"entoptic.pipeline.budget.{name}": BUDGET for name in ("choose", "steady", "costs")}
     | {f"entoptic.pipeline.plan.{name}": PLAN for name in ("steps", "chain", "make", "reasons")},

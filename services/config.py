@@ -12,7 +12,7 @@ import msgspec
 from msgspec import Meta
 
 from entoptic.described import described
-from entoptic.tracker_bridge.chain import Lane
+from entoptic.tracker_bridge.chain import LatencyMode
 from entoptic.tracker_bridge.sources.pupil_core.remote import DEFAULT_REMOTE
 
 
@@ -127,8 +127,8 @@ class EyesConfig(SourceConfig, frozen=True, forbid_unknown_fields=True, kw_only=
         ),
     ] = None
     latency_mode: Annotated[
-        Lane, described("States at once, or 50 ms later with blinks cut out more finely.", "Latency mode")
-    ] = Lane.LIVE
+        LatencyMode, described("States at once, or 50 ms later with blinks cut out more finely.", "Latency mode")
+    ] = LatencyMode.LIVE
 
 
 class ViewConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):

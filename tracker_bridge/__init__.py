@@ -8,9 +8,10 @@ clock.py           how a source's clock stands to the bridge's
 
 chain.py           samples to states and events: pure, in order
 dropout.py         which diameters to trust, and what to show meanwhile; its parts:
-                   trust.py (the gate), absence.py (from the first mistrusted sample to the return), openness.py (lids),
-                   course.py (where a pupil was going)
-recording_lane.py  the same states 50 ms later, and better
+                   trust.py (the gate), lids.py,
+                   dropout_interval.py (from the first mistrusted sample to the return),
+                   extrapolation.py (where a pupil was going)
+fixed_lag.py       the same states 50 ms later, and better
 microsaccades.py   saccades as they happen, of both eyes; its parts: saccade_of_one_eye.py, saccade_velocity.py
 oracles/           what they are judged by: the Microsaccade Toolbox's method, over a whole recording
 

@@ -31,7 +31,7 @@ class ServerKeys(msgspec.Struct, frozen=True):
     """40 characters of Z85, as all keys here."""
     secret: bytes
     clients: Path
-    """A folder with a public key a client, *.key; read anew for every client that comes, so that one can be added or
+    """A folder with a public key a client, *.key; read again for every client that comes, so that one can be added or
     removed while the bridge runs."""
 
     def use(self, socket: zmq.Socket[bytes]) -> None:

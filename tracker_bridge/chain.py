@@ -20,9 +20,9 @@ from entoptic.tracker_bridge.events import (
     Event,
     SourceSilent,
 )
+from entoptic.tracker_bridge.fixed_lag import FixedLagSmoother
 from entoptic.tracker_bridge.microsaccades import COVERED, MIN_CONFIDENCE, SaccadeDetector
 from entoptic.tracker_bridge.pupil_map import PupilMap
-from entoptic.tracker_bridge.recording_lane import RecordingLane
 from entoptic.tracker_bridge.samples import Direction, Eye, EyeState, GazeSample, OneEyeState, Phase, PupilSample
 from entoptic.tracker_bridge.source import Item, Tick
 from entoptic.tracker_bridge.trust import DIAMETER_RANGE_MM
@@ -63,20 +63,22 @@ class _EyeMemory:
         )
 
 
-class Lane(DescribedEnum):
+class LatencyMode(DescribedEnum):
     """When states leave."""
 
     LIVE = "live", "At once."
-    RECORDING = "recording", "After a fixed lag, with what came after them taken into account; see recording_lane.py."
+    RECORDING = "recording", "After a fixed lag, with what came after them taken into account; see fixed_lag.py    ."
 
 
 class Chain:
-    """Samples in, states and events out. Latency: in the live lane none, but for waiting until a moment is whole."""
+    """Samples in, states and events out. Latency: in the live mode none, but for waiting until a moment is whole."""
 
-    def __init__(self, *, live: bool = False, lane: Lane = Lane.LIVE, pupil_map: PupilMap | None = None) -> None:
+    def __init__(
+        self, *, live: bool = False, latency_mode: LatencyMode = LatencyMode.LIVE, pupil_map: PupilMap | None = None
+    ) -> None:
         """`live`: the source's ticks tell the time. `pupil_map`: what diameters mean, from a calibration."""
         self._live = live
-        self._lane = RecordingLane() if lane is Lane.RECORDING else None
+        self._smoother = FixedLagSmoother() if latency_mode is LatencyMode.RECORDING else None
         self._pupil_map = pupil_map
         self._eyes = {eye: _EyeMemory() for eye in Eye}
         self._differences_mm: collections.deque[float] = collections.deque(maxlen=DIFFERENCE_COUNT)
@@ -106,26 +108,26 @@ class Chain:
         """What one more item makes: the state of the moment that it ends, and its events."""
         for record in self._step(item):
             yield from self._leave(record)
-        if isinstance(item, Tick) and self._lane is not None and self._now_ns is not None:
-            for state in self._lane.tick(self._now_ns - PATIENCE_NS):
+        if isinstance(item, Tick) and self._smoother is not None and self._now_ns is not None:
+            for state in self._smoother.tick(self._now_ns - PATIENCE_NS):
                 yield self._mapped(state)
 
     def flush(self) -> Iterator[EyeState | Event]:
         """What is still to leave at the end of a stream."""
         for record in self._end_moment():
             yield from self._leave(record)
-        if self._lane is not None:
-            for state in self._lane.flush():
+        if self._smoother is not None:
+            for state in self._smoother.flush():
                 yield self._mapped(state)
 
     def _leave(self, record: EyeState | Event) -> Iterator[EyeState | Event]:
-        """Through the lane and the map. Events never wait."""
+        """Through the smoother and the map. Events never wait."""
         if not isinstance(record, EyeState):
             yield record
-        elif self._lane is None:
+        elif self._smoother is None:
             yield self._mapped(record)
         else:
-            for state in self._lane.step(record):
+            for state in self._smoother.step(record):
                 yield self._mapped(state)
 
     def _mapped(self, state: EyeState) -> EyeState:

@@ -4,7 +4,7 @@ Theory of operation: the offset is the bridge's clock less the source's. Every m
 known error: a question and its answer bracket it to half the round trip; a sample that merely arrives bounds it from
 above, and the least of a second's bounds is taken. A line through the points of the last minute, each weighted by the
 inverse square of its error, gives offset and drift. A point that lies further off the line than its own error and
-10 ms is no noise: somebody set the source's clock, and the line starts anew from that point.
+10 ms is no noise: somebody set the source's clock, and the line starts again from that point.
 """
 
 from __future__ import annotations
@@ -123,7 +123,7 @@ class _Clock:
         return (ClockEstimated(now_ns, line.offset_ns(source_ns), line.drift_ppm, line.uncertainty_ns(source_ns)),)
 
     def _jump(self, point: _Point, now_ns: int) -> tuple[ClockEvent, ...]:
-        """Starts anew. A source's clock that went forwards leaves less of the bridge's over it."""
+        """Starts again. A source's clock that went forwards leaves less of the bridge's over it."""
         jump_ns = self._line.offset_ns(point.at_ns) - point.offset_ns
         self._line.restart(point)
         self._reported_ns = None

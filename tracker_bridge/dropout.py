@@ -1,12 +1,12 @@
-"""The live lane: what to show of one pupil, sample by sample, and when it blinked, fell out, or was lost.
+"""The live mode: what to show of one pupil, sample by sample, and when it blinked, fell out, or was lost.
 
 Theory of operation: trust.py judges each sample. When a pupil is no longer whole, the diameter held is the one from
 before a lid came into play (rolled back), not the last one; when it comes back, the first samples still show the lid
-and are passed over until it has been whole for a while; absence.py says what the time between is.
+and are passed over until it has been whole for a while; dropout_interval.py says what the time between is.
 
 Latency: none; no sample is delayed. The price is the roll-back at onset, at most one speed window late. Events carry
-the right times but are told later: BlinkOnset up to absence.MIN_COVER_NS and a sample after the pupil has gone,
-BlinkOffset when the pupil is trusted again, and both together where a lid left the pupil to see (lid_dips.py), when it
+the right times but are told later: BlinkOnset up to interval.MIN_COVER_NS and a sample after the pupil has gone,
+BlinkOffset when the pupil is trusted again, and both together where a lid left the pupil to see (lids.py), when it
 is up again. In silence time passes by `tick`, or else with the next sample.
 """
 
@@ -16,11 +16,10 @@ import collections
 import dataclasses
 import statistics
 
-from entoptic.tracker_bridge.absence import LOST_AFTER_NS, Absence, Lids
-from entoptic.tracker_bridge.course import BASELINE_NS, Course
+from entoptic.tracker_bridge.dropout_interval import LOST_AFTER_NS, DropoutInterval, Lids
 from entoptic.tracker_bridge.events import BlinkOffset, BlinkOnset, Event, PupilBack, PupilLost
-from entoptic.tracker_bridge.lid_dips import LidDips
-from entoptic.tracker_bridge.openness import estimated_openness
+from entoptic.tracker_bridge.extrapolation import BASELINE_NS, Extrapolation
+from entoptic.tracker_bridge.lids import LidDips, estimated_openness
 from entoptic.tracker_bridge.samples import Eye, Phase, PupilSample
 from entoptic.tracker_bridge.trust import DIAMETER_RANGE_MM, Gate, Measure, Sight
 
@@ -61,11 +60,11 @@ class DropoutFilter:
         self._last_offset_ns: int | None = None
         self._trusted: collections.deque[tuple[int, float]] = collections.deque()
         self._phase = Phase.LOST
-        self._absence: Absence | None = None
+        self._interval: DropoutInterval | None = None
         self._shown: tuple[int, float] | None = None
         self._catching_up = False
         self._newest: PupilSample | None = None
-        self._intervals_ns: collections.deque[int] = collections.deque(maxlen=5)
+        self._sample_periods_ns: collections.deque[int] = collections.deque(maxlen=5)
         self._seen = False
 
     def step(self, sample: PupilSample) -> Shown:
@@ -73,28 +72,28 @@ class DropoutFilter:
         t_ns = sample.t_ns
         events = self._pass_time(t_ns)
         if self._newest is not None:
-            self._intervals_ns.append(t_ns - self._newest.t_ns)
+            self._sample_periods_ns.append(t_ns - self._newest.t_ns)
         self._newest = sample
         measure = self._gate.measure
         sight, size = self._gate.judge(sample)
         if self._gate.measure > measure:
             # Millimetres after pixels, or the first diameter at all: what was held means nothing now.
             self._trusted.clear()
-            if self._absence is not None:
-                self._absence.course = None
+            if self._interval is not None:
+                self._interval.extrapolation = None
         closed = self._lids.closed(sample.openness)
         if closed:
             sight, size = Sight.HIDDEN, None
-        if self._absence is None and sight is not Sight.STEADY:
-            self._absence = self._begin_absence(t_ns, ROLL_BACK_NS)
-        if self._absence is not None:
-            self._absence.add(sample, sight, size, closed, self._interval_ns())
-            if not self._absence.is_over(t_ns):
+        if self._interval is None and sight is not Sight.STEADY:
+            self._interval = self._begin_interval(t_ns, ROLL_BACK_NS)
+        if self._interval is not None:
+            self._interval.add(sample, sight, size, closed, self._sample_period_ns())
+            if not self._interval.is_over(t_ns):
                 events += self._dipped(sample)
-                events += self._told(self._absence, sample.eye, t_ns)
-                self._phase = self._absence.phase(sight) if self._seen else Phase.LOST
+                events += self._told(self._interval, sample.eye, t_ns)
+                self._phase = self._interval.phase(sight) if self._seen else Phase.LOST
                 return self._as_shown(t_ns, events, sample.openness, size)
-            events += self._end_absence(self._absence, sample)
+            events += self._end_interval(self._interval, sample)
         events += self._dipped(sample)
         self._trust(t_ns, size)
         return self._as_shown(t_ns, events, sample.openness, size)
@@ -113,60 +112,60 @@ class DropoutFilter:
         """What silence up to t_ns makes of the pupil."""
         if self._newest is None or t_ns - self._newest.t_ns < SILENT_AFTER_NS:
             return []
-        if self._absence is None:
-            self._absence = self._begin_absence(self._newest.t_ns, 0)
-        self._absence.fall_silent()
-        events = self._told(self._absence, self._newest.eye, t_ns)
-        self._phase = self._absence.phase(Sight.HIDDEN) if self._seen else Phase.LOST
+        if self._interval is None:
+            self._interval = self._begin_interval(self._newest.t_ns, 0)
+        self._interval.fall_silent()
+        events = self._told(self._interval, self._newest.eye, t_ns)
+        self._phase = self._interval.phase(Sight.HIDDEN) if self._seen else Phase.LOST
         return events
 
-    def _interval_ns(self) -> int:
+    def _sample_period_ns(self) -> int:
         """The source's usual one; its median, since a sample may be missing."""
-        return statistics.median_low(self._intervals_ns) if self._intervals_ns else 0
+        return statistics.median_low(self._sample_periods_ns) if self._sample_periods_ns else 0
 
-    def _begin_absence(self, t_ns: int, roll_back_ns: int) -> Absence:
+    def _begin_interval(self, t_ns: int, roll_back_ns: int) -> DropoutInterval:
         before = [(when_ns, size) for when_ns, size in self._trusted if when_ns <= t_ns - roll_back_ns]
-        course = Course(before or [self._trusted[0]]) if self._trusted else None
+        extrapolation = Extrapolation(before or [self._trusted[0]]) if self._trusted else None
         onset_ns = t_ns
         for when_ns, size in reversed(self._trusted):
-            if course is None or size >= TOUCHED_SHARE * course.at(when_ns):
+            if extrapolation is None or size >= TOUCHED_SHARE * extrapolation.at(when_ns):
                 break
             onset_ns = when_ns
         # A pupil that was never seen cannot be lost.
-        return Absence(t_ns, onset_ns, course, lost=not self._seen)
+        return DropoutInterval(t_ns, onset_ns, extrapolation, lost=not self._seen)
 
-    def _told(self, absence: Absence, eye: Eye, t_ns: int) -> list[Event]:
-        """What of an absence has to be told by t_ns and was not yet."""
+    def _told(self, interval: DropoutInterval, eye: Eye, t_ns: int) -> list[Event]:
+        """What of a dropout interval has to be told by t_ns and was not yet."""
         events: list[Event] = []
-        if absence.blink and not absence.blink_told and self._seen:
-            absence.blink_told = True
-            events.append(BlinkOnset(absence.onset_ns, eye))
-        if not absence.lost and t_ns - absence.since_ns >= LOST_AFTER_NS:
-            absence.lost = True
-            events.append(PupilLost(absence.since_ns + LOST_AFTER_NS, eye))
+        if interval.blink and not interval.blink_told and self._seen:
+            interval.blink_told = True
+            events.append(BlinkOnset(interval.onset_ns, eye))
+        if not interval.lost and t_ns - interval.since_ns >= LOST_AFTER_NS:
+            interval.lost = True
+            events.append(PupilLost(interval.since_ns + LOST_AFTER_NS, eye))
         return events
 
     def _dipped(self, sample: PupilSample) -> list[Event]:
         """A blink that left the pupil to see, and is over."""
         dip = None if sample.openness is None else self._dips.add(sample.t_ns, sample.openness)
-        if dip is None or not self._seen or (self._absence is not None and self._absence.blink):
+        if dip is None or not self._seen or (self._interval is not None and self._interval.blink):
             return []
         onset_ns, end_ns = dip
         if self._last_offset_ns is not None and onset_ns <= self._last_offset_ns:
             return []
         self._last_offset_ns = end_ns
-        if self._absence is not None:
-            self._absence.onset_ns = max(self._absence.onset_ns, end_ns)
+        if self._interval is not None:
+            self._interval.onset_ns = max(self._interval.onset_ns, end_ns)
         return [BlinkOnset(onset_ns, sample.eye), BlinkOffset(end_ns, sample.eye, end_ns - onset_ns)]
 
-    def _end_absence(self, absence: Absence, sample: PupilSample) -> list[Event]:
+    def _end_interval(self, interval: DropoutInterval, sample: PupilSample) -> list[Event]:
         events: list[Event] = []
-        if absence.blink_told:
+        if interval.blink_told:
             self._last_offset_ns = sample.t_ns
-            events.append(BlinkOffset(sample.t_ns, sample.eye, sample.t_ns - absence.onset_ns))
-        if absence.lost and self._seen:
+            events.append(BlinkOffset(sample.t_ns, sample.eye, sample.t_ns - interval.onset_ns))
+        if interval.lost and self._seen:
             events.append(PupilBack(sample.t_ns, sample.eye))
-        self._absence = None
+        self._interval = None
         self._trusted.clear()
         self._catching_up = True
         return events
@@ -185,27 +184,27 @@ class DropoutFilter:
         return Shown(self._phase, self._diameter_mm(t_ns), tuple(events), t_ns, openness)
 
     def _estimated_openness(self, t_ns: int, size: float | None) -> float | None:
-        if self._absence is None:
+        if self._interval is None:
             return 1.0 if self._phase is Phase.TRACKING else None
-        if not self._absence.lid or not self._seen:
+        if not self._interval.lid or not self._seen:
             return None
-        if size is None or self._absence.course is None:
+        if size is None or self._interval.extrapolation is None:
             return 0.0
-        whole = self._absence.course.at(t_ns)
+        whole = self._interval.extrapolation.at(t_ns)
         return estimated_openness(size / whole, whole if self._gate.measure is Measure.MM else None)
 
     def _diameter_mm(self, t_ns: int) -> float | None:
         """The diameter measured or supposed, reached at no more than SLEW_MM_S where it would jump."""
         if self._gate.measure is not Measure.MM:
             return None
-        if self._absence is None:
+        if self._interval is None:
             target_mm: float | None = self._trusted[-1][1]
-        elif self._absence.course is not None:
+        elif self._interval.extrapolation is not None:
             low_mm, high_mm = DIAMETER_RANGE_MM
-            target_mm = min(max(self._absence.course.at(t_ns), low_mm), high_mm)
+            target_mm = min(max(self._interval.extrapolation.at(t_ns), low_mm), high_mm)
         else:
             target_mm = None
-        if target_mm is not None and self._shown is not None and (self._catching_up or self._absence is not None):
+        if target_mm is not None and self._shown is not None and (self._catching_up or self._interval is not None):
             reached_mm = slewed_mm(self._shown, t_ns, target_mm)
             self._catching_up, target_mm = reached_mm != target_mm, reached_mm
         if target_mm is not None:

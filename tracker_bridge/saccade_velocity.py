@@ -23,7 +23,7 @@ _NOISE_STEP_NS = 5_000_000
 """Velocities closer together share most of their samples: one of them is enough to tell the noise."""
 
 _NOISE_UPDATE_NS = 100_000_000
-"""How often the noise is estimated anew. Engineering choice: a twentieth of what it is estimated from."""
+"""How often the noise is estimated again. Engineering choice: a twentieth of what it is estimated from."""
 
 
 class Place(NamedTuple):

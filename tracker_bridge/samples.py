@@ -120,7 +120,7 @@ class EyeState(msgspec.Struct, frozen=True):
     clock_uncertainty_ns: Count | None = None
     """How far the source's times may lie off the bridge's clock; None while nobody knows."""
     lag_ns: Count = 0
-    """How long after its time a state is made: 0 in the live lane, a fixed lag in the recording lane."""
+    """How long after its time a state is made: 0 in the live mode, a fixed lag in the recording mode."""
 
     def of(self, eye: Eye) -> OneEyeState:
         """The state of one eye."""

@@ -122,7 +122,7 @@ class NumberedEvent(msgspec.Struct, frozen=True, rename={"replay_port": "replay"
     """An event and its place in the stream."""
 
     stream: Count
-    """Drawn by lot when the bridge starts: another one means another bridge, whose events are numbered anew."""
+    """Drawn by lot when the bridge starts: another one means another bridge, whose events are numbered again."""
     sequence: Count
     """Of this event, from 1 on; of a heartbeat, that of the last event, or 0 before the first."""
     replay_port: Port

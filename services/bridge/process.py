@@ -31,7 +31,7 @@ from entoptic.tracker_bridge.sources.pupil_core.recorder import PupilRecorder
 from entoptic.tracker_bridge.sources.simulated.endless import EndlessEyes
 
 LIGHT_WITHIN_MS = 500
-"""So long a bridge that is started anew waits for the worker's next frame."""
+"""So long a bridge that is started again waits for the worker's next frame."""
 QUIET = (ClockEstimated, Heartbeat, SaccadeOnset, SaccadeOffset)
 """Events that come too often for a log."""
 
@@ -50,7 +50,7 @@ def run(config: BridgeConfig, stop: Stop, log: structlog.typing.FilteringBoundLo
     publisher = Publisher(config.states, config.events, replay_address=config.replay, keys=keys)
     with contextlib.ExitStack() as opened:
         opened.callback(publisher.close, LIVE_LINGER_MS if live else LINGER_MS)
-        chain = Chain(live=live, lane=config.eyes.latency_mode, pupil_map=pupil_map)
+        chain = Chain(live=live, latency_mode=config.eyes.latency_mode, pupil_map=pupil_map)
         handler = BridgeHandler(
             source,
             chain,

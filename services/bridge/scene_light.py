@@ -14,7 +14,7 @@ QUEUE = 2
 
 
 class SceneLight:
-    """Listens to a worker that may be there or not, come later, or be started anew. Raises SourceError."""
+    """Listens to a worker that may be there or not, come later, or be started again. Raises SourceError."""
 
     def __init__(self, address: str, keys: ClientKeys | None, context: zmq.Context[zmq.Socket[bytes]]) -> None:
         self._socket = context.socket(zmq.SUB)

@@ -44,7 +44,7 @@ class BridgeSummary(msgspec.Struct, frozen=True):
     directions_beyond_90_deg: int
     """Left out of eyes/, which cannot hold them."""
     recordings: tuple[str, ...]
-    """Folders of what the tracker measured, in order: more than one where the bridge was started anew."""
+    """Folders of what the tracker measured, in order: more than one where the bridge was started again."""
     gaps: tuple[StatesGap, ...]
     trouble: str | None
     """Why it ended before it was told to."""

@@ -317,7 +317,7 @@ class SocketDisplay:
             return
         if said.request is not None:
             if said.request is Request.START:
-                # Whoever starts may be another program, or the same with a clock that starts anew.
+                # Whoever starts may be another program, or the same with a clock that starts again.
                 self._forget_clock()
             self._arrived.append(said.request)
         if said.t_ns is None:

@@ -92,7 +92,8 @@ def _render(opened: OpenedSession, folder: Path, stop: Stop, work: Work) -> Outc
     warm_up_s = rendering.warm_up(stop)
     path, eyes_map = open_head_path(view.head), opened.config.eyes.pupil_map
     chain = Chain(
-        lane=opened.config.eyes.latency_mode, pupil_map=None if eyes_map is None else pupil_map.read(Path(eyes_map))
+        latency_mode=opened.config.eyes.latency_mode,
+        pupil_map=None if eyes_map is None else pupil_map.read(Path(eyes_map)),
     )
     head, t_s, impulses_matter = Head(), 0.0, settings.observer.ocular_dynamics.vitreous
     with contextlib.closing(Tables(folder)) as tables:

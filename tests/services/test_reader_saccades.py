@@ -9,7 +9,7 @@ from bridges import MS, Bridge, never, started_reader
 from entoptic.services.reader import StateReader
 from entoptic.services.rendering import kicks_of, looking_of
 from entoptic.services.session.eyes import RecordedEyes
-from entoptic.tracker_bridge.chain import Chain, Lane, records_of
+from entoptic.tracker_bridge.chain import Chain, LatencyMode, records_of
 from entoptic.tracker_bridge.events import Event, SaccadeKind, SaccadeOffset, StreamEnded, StreamStarted
 from entoptic.tracker_bridge.samples import Eye, EyeState, OneEyeState, Phase
 from entoptic.tracker_bridge.sources import open_source
@@ -27,15 +27,15 @@ def told_ms(saccades: tuple[SaccadeOffset, ...]) -> list[int]:
     return [one.t_ns // MS for one in saccades]
 
 
-@pytest.mark.parametrize("lane", Lane)
-def test_a_recording_s_states_and_saccades_come_with_the_frames_they_belong_to(lane: Lane) -> None:
+@pytest.mark.parametrize("latency_mode", LatencyMode)
+def test_a_recording_s_states_and_saccades_come_with_the_frames_they_belong_to(latency_mode: LatencyMode) -> None:
     source = open_source("simulated", simulated=SimulatedSettings(seconds=8.0, seed=5))
-    records = list(records_of(source.samples(), Chain(lane=lane)))
+    records = list(records_of(source.samples(), Chain(latency_mode=latency_mode)))
     told = [record.t_ns for record in records if isinstance(record, SaccadeOffset)]
     states = [record.t_ns for record in records if isinstance(record, EyeState)]
     assert len(told) >= 5
     noted: list[EyeState | Event] = []
-    eyes = RecordedEyes(source, Chain(lane=lane), None, never, noted.append)
+    eyes = RecordedEyes(source, Chain(latency_mode=latency_mode), None, never, noted.append)
     start_ns, frame_ns = eyes.start_ns, 50 * MS
     for frame in range(160):
         t_ns = start_ns + frame * frame_ns

@@ -21,7 +21,7 @@ from entoptic.services.console.fields import session_fields
 from entoptic.services.records import Leaf, is_record, leaves, nested, options_of
 from entoptic.services.session_config import OpenedSession, SessionConfig, open_session
 from entoptic.services.settings import Settings, SettingsError, changed, of
-from entoptic.tracker_bridge.chain import Lane
+from entoptic.tracker_bridge.chain import LatencyMode
 
 RECORDS = [
     kind
@@ -35,7 +35,7 @@ SESSION = leaves(EyesConfig) + leaves(ViewConfig)
 
 def values_of(leaf: Leaf) -> st.SearchStrategy[Any]:
     """Whatever a field takes, as built-in types."""
-    if issubclass(leaf.kind, (Eyes, Save, Lane)):
+    if issubclass(leaf.kind, (Eyes, Save, LatencyMode)):
         one: st.SearchStrategy[Any] = st.sampled_from([str(each.value) for each in leaf.kind])
     elif leaf.kind is bool:
         one = st.booleans()

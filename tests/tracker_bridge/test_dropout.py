@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from entoptic.tracker_bridge.absence import LOST_AFTER_NS, MIN_COVER_NS
 from entoptic.tracker_bridge.dropout import SILENT_AFTER_NS, DropoutFilter, Shown
+from entoptic.tracker_bridge.dropout_interval import LOST_AFTER_NS, MIN_COVER_NS
 from entoptic.tracker_bridge.events import BlinkOffset, BlinkOnset, Event, PupilBack, PupilLost
 from entoptic.tracker_bridge.samples import Eye, Phase, PupilSample
 
@@ -129,7 +129,7 @@ def test_an_eye_held_closed_goes_through_lost_and_comes_back_opening() -> None:
 
 
 def test_shown_is_of_the_sample_s_own_time() -> None:
-    """The live lane's latency is zero: what is measured and trusted is shown at once."""
+    """The live mode's latency is zero: what is measured and trusted is shown at once."""
     samples = [pupil(k * STEP_NS, 4.0 + 0.001 * k) for k in range(200)]
     assert [(state.t_ns, state.diameter_mm) for state in run(samples)] == [(s.t_ns, s.diameter_mm) for s in samples]
 

@@ -5,7 +5,7 @@ import pytest
 
 from entoptic.tracker_bridge.dropout import DropoutFilter
 from entoptic.tracker_bridge.events import BlinkOffset, BlinkOnset
-from entoptic.tracker_bridge.lid_dips import LidDips
+from entoptic.tracker_bridge.lids import LidDips
 from entoptic.tracker_bridge.samples import Eye, Phase, PupilSample
 
 STEP_NS = 8_333_333

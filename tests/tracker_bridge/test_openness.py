@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from entoptic.tracker_bridge.openness import estimated_openness
+from entoptic.tracker_bridge.lids import estimated_openness
 from entoptic.tracker_bridge.sources.simulated.lid import visible_area, visible_height
 
 

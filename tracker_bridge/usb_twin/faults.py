@@ -22,7 +22,7 @@ _FORM = re.compile(r"([a-z]+)@(\d+(?:\.\d+)?)s(?::(\d+(?:\.\d+)?)s)?")
 class Fault(msgspec.Struct, frozen=True):
     """Something that goes wrong with the simulated tracker.
 
-    unplug: gone from the USB, with its clock beginning anew when it is back. stall: the endpoint is halted until that
+    unplug: gone from the USB, with its clock beginning again when it is back. stall: the endpoint is halted until that
     is cleared. timeout: nothing is sent. short, long: reports end too early, or go on. garbage: random packets.
     """
 

@@ -27,7 +27,7 @@ function allow(label, start, stop) {
 function running() { return current.screen !== "grey"; }
 
 const WORDS = {
-  "paused": "Paused. The screen that was shown starts anew when you go on.",
+  "paused": "Paused. The screen that was shown starts again when you go on.",
   "ending": "That was all. Working it out…",
   "aborted": "Stopped. Nothing was changed.",
   "not shown": "Stopped: a screen could not be shown in time.",
@@ -61,7 +61,7 @@ function follow(command) {
   }
 }
 
-// A sentence of the calibration's belongs to a grey screen, whatever was shown before it began anew.
+// A sentence of the calibration's belongs to a grey screen, whatever was shown before it began again.
 function read({ message, again }) {
   current = { ...current, screen: "grey" };
   body.className = "grey";

@@ -7,7 +7,7 @@ import pytest
 from entoptic.pipeline.observer import Observer
 from entoptic.pipeline.optics import aperture, coverage, lids
 from entoptic.pipeline.optics.aperture import Pose
-from entoptic.tracker_bridge.openness import estimated_openness
+from entoptic.tracker_bridge.lids import estimated_openness
 
 BARE = Observer(particles=0, cornea_cells=0, vitreous_particles=0, gratings=0)
 N = 512

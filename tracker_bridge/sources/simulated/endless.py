@@ -2,7 +2,7 @@
 
 They are drawn a stretch at a time, each with a seed of its own, which takes 20 ms. At the end of a stretch they blink,
 and behind the lid they look where the next one begins. What eyes and lids do depends on the time since they began
-alone: if they are started anew they go on where they would be. The pupil starts from the light that is set until then.
+alone: if they are started again they go on where they would be. The pupil starts from the light that is set until then.
 """
 
 from __future__ import annotations

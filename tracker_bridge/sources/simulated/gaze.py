@@ -163,6 +163,6 @@ def drift_deg(rng: np.random.Generator, count: int, step_s: float, wander_deg: f
     from scipy.signal import lfilter  # takes a second to import, and every command opens sources
 
     keep, smooth = math.exp(-step_s / _DRIFT_S), math.exp(-step_s / _DRIFT_SMOOTHING_S)
-    kicks = rng.normal(0.0, wander_deg * math.sqrt(1.0 - keep**2), (2, count))
-    walk = lfilter([1.0], [1.0, -keep], kicks)
+    steps = rng.normal(0.0, wander_deg * math.sqrt(1.0 - keep**2), (2, count))
+    walk = lfilter([1.0], [1.0, -keep], steps)
     return np.asarray(lfilter([1.0 - smooth], [1.0, -smooth], walk), dtype=np.float64)

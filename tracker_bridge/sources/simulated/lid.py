@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from entoptic.tracker_bridge.openness import FISSURE_MM, PUPIL_HEIGHT_MM
+from entoptic.tracker_bridge.lids import FISSURE_MM, PUPIL_HEIGHT_MM
 
 Floats = NDArray[np.float64]
 

@@ -142,7 +142,7 @@ class _Session:
         self._time = timekeeper
         self._capture = capture
         self._is_over = is_over
-        # One clock through all connections: it finds out by itself whether the device's went on or began anew.
+        # One clock through all connections: it finds out by itself whether the device's went on or began again.
         self._clock = ArrivalClock()
         self._is_flowing = False
         self._told: str | None = None

@@ -19,7 +19,7 @@ _FEWEST = 4
 """Samples that a speed is told from."""
 
 
-class Course:
+class Extrapolation:
     """A diameter from the last one that counts onwards."""
 
     def __init__(self, trusted: Sequence[tuple[int, float]]) -> None:

@@ -11,7 +11,7 @@ from __future__ import annotations
 import collections
 import statistics
 
-from entoptic.tracker_bridge.course import Course
+from entoptic.tracker_bridge.extrapolation import Extrapolation
 from entoptic.tracker_bridge.samples import Phase, PupilSample
 from entoptic.tracker_bridge.trust import IRIS_SPEED_PER_S, MIN_CONFIDENCE, SPEED_WINDOW_NS, Sight
 
@@ -33,7 +33,7 @@ SIGHTS_OF_A_LID = 4
 """Samples in one speed window from which on a lid cannot pass unseen. Engineering choice: at 120 Hz, with three, a
 quarter and more of a person's long blinks showed no shrinking pupil."""
 CLOSED_OPENNESS = 0.3
-"""At this openness a lid covers all of a 4 mm pupil (see openness.py)."""
+"""At this openness a lid covers all of a 4 mm pupil (see lids.py)."""
 
 
 class Lids:
@@ -51,15 +51,15 @@ class Lids:
         return statistics.median_low(self._recent) < CLOSED_OPENNESS
 
 
-class Absence:
+class DropoutInterval:
     """Feed it all samples from the first mistrusted one on."""
 
-    def __init__(self, since_ns: int, onset_ns: int, course: Course | None, *, lost: bool) -> None:
+    def __init__(self, since_ns: int, onset_ns: int, extrapolation: Extrapolation | None, *, lost: bool) -> None:
         self.since_ns = since_ns
         """The first mistrusted sample, or the last one before a silence."""
         self.onset_ns = onset_ns
         """When a lid began to touch the pupil, if it is a blink."""
-        self.course = course
+        self.extrapolation = extrapolation
         """Where the pupil is supposed to be meanwhile; None where it has no diameter."""
         self.lid = False
         """A sign of a lid was seen."""
@@ -79,8 +79,8 @@ class Absence:
         t_ns = sample.t_ns
         if sight is Sight.JUMPING and size is not None:
             # The pupil is where it was: only the scale is another.
-            self.course = Course([(t_ns, size)])
-        supposed = None if self.course is None else self.course.at(t_ns)
+            self.extrapolation = Extrapolation([(t_ns, size)])
+        supposed = None if self.extrapolation is None else self.extrapolation.at(t_ns)
         whole = size is None or supposed is None or size >= WHOLE_SHARE * supposed
         hidden = sight is Sight.HIDDEN
         self._hidden = self._hidden or hidden
@@ -109,7 +109,7 @@ class Absence:
         if sample.confidence >= NOTHING_FOUND:
             self._faded = self._faded or sample.confidence < MIN_CONFIDENCE
             return False
-        return self._faded or self.course is None or interval_ns * SIGHTS_OF_A_LID > SPEED_WINDOW_NS
+        return self._faded or self.extrapolation is None or interval_ns * SIGHTS_OF_A_LID > SPEED_WINDOW_NS
 
     def _is_possible(self, t_ns: int, size: float | None, supposed: float | None) -> bool:
         """Whether the iris can have brought the pupil there, and no lid."""

@@ -1,4 +1,4 @@
-"""The recording lane: exactly 50 ms late, nothing of a lid in it, both eyes at the state's own time."""
+"""The recording mode: exactly 50 ms late, nothing of a lid in it, both eyes at the state's own time."""
 
 import itertools
 
@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from entoptic.tracker_bridge.dropout import DropoutFilter
-from entoptic.tracker_bridge.recording_lane import LAG_NS, RecordingLane
+from entoptic.tracker_bridge.fixed_lag import LAG_NS, FixedLagSmoother
 from entoptic.tracker_bridge.samples import Eye, EyeState, OneEyeState, Phase, PupilSample
 from entoptic.tracker_bridge.sources.simulated.eyes import SimulatedEyes, SimulatedSettings
 
@@ -17,7 +17,7 @@ NEVER_SEEN = OneEyeState(Phase.LOST, None, None, 0.0, None, None)
 
 
 def live(samples: list[PupilSample]) -> list[EyeState]:
-    """The live lane's states, one for each time."""
+    """The live mode's states, one for each time."""
     filters = {eye: DropoutFilter() for eye in Eye}
     one = dict.fromkeys(Eye, NEVER_SEEN)
     states = []
@@ -32,8 +32,8 @@ def live(samples: list[PupilSample]) -> list[EyeState]:
 
 
 def recorded(states: list[EyeState]) -> list[EyeState]:
-    lane = RecordingLane()
-    return [*(better for state in states for better in lane.step(state)), *lane.flush()]
+    smoother = FixedLagSmoother()
+    return [*(better for state in states for better in smoother.step(state)), *smoother.flush()]
 
 
 def pupils(diameters_mm: list[float | None], eye: Eye = Eye.RIGHT) -> list[PupilSample]:
@@ -45,14 +45,14 @@ def pupils(diameters_mm: list[float | None], eye: Eye = Eye.RIGHT) -> list[Pupil
 
 
 def test_a_state_leaves_exactly_50_ms_late() -> None:
-    lane = RecordingLane()
+    smoother = FixedLagSmoother()
     for state in live(pupils([4.0] * 100)):
-        left = [better.t_ns for better in lane.step(state)]
+        left = [better.t_ns for better in smoother.step(state)]
         assert left == ([state.t_ns - LAG_NS] if state.t_ns >= LAG_NS else [])
     last_ns = 99 * STEP_NS
-    assert list(lane.tick(last_ns + LAG_NS - 1))[-1].t_ns == last_ns - STEP_NS
-    assert [better.t_ns for better in lane.tick(last_ns + LAG_NS)] == [last_ns]
-    assert list(lane.flush()) == []
+    assert list(smoother.tick(last_ns + LAG_NS - 1))[-1].t_ns == last_ns - STEP_NS
+    assert [better.t_ns for better in smoother.tick(last_ns + LAG_NS)] == [last_ns]
+    assert list(smoother.flush()) == []
 
 
 def test_every_state_leaves_once_in_order_and_says_its_lag() -> None:
@@ -69,15 +69,15 @@ def test_what_is_tracked_well_is_left_as_measured() -> None:
 
 @pytest.mark.parametrize("seed", range(1, 6))
 def test_around_blinks_the_pupil_is_off_by_at_most_3_hundredths_of_a_mm(seed: int) -> None:
-    """And by 6 in the live lane, with no lag: RMS within 200 ms of a blink, light and all, against the true pupil."""
+    """And by 6 in the live mode, with no lag: RMS within 200 ms of a blink, light and all, against the true pupil."""
     eyes = SimulatedEyes(SimulatedSettings(seconds=60.0, seed=seed))
     states = live([s for s in eyes.samples() if isinstance(s, PupilSample) and s.eye is Eye.RIGHT])
     near = np.zeros(eyes.truth.t_ns.size, dtype=bool)
     for event in eyes.truth.events:
         if event.kind == "blink":
             near |= (eyes.truth.t_ns >= event.onset_ns - 200e6) & (eyes.truth.t_ns <= event.offset_ns + 200e6)
-    for lane, bound_mm in ((states, 0.06), (recorded(states), 0.03)):
-        error_mm = np.array([state.right.diameter_mm for state in lane], dtype=float) - eyes.truth.diameter_mm
+    for smoother, bound_mm in ((states, 0.06), (recorded(states), 0.03)):
+        error_mm = np.array([state.right.diameter_mm for state in smoother], dtype=float) - eyes.truth.diameter_mm
         assert np.sqrt(np.mean(error_mm[near] ** 2)) <= bound_mm
 
 

@@ -1,11 +1,11 @@
-"""The recording lane: the states of the live lane, 50 ms later and better, for whoever does not render at once.
+"""The recording mode: the states of the live mode, 50 ms later and better, for whoever does not render at once.
 
 Theory of operation: each state waits until the states of the next LAG_NS are there. They show whether a lid was about
 to close, so that what it had already touched can be cut out, and, near the end of a gap, the diameter at which the
 pupil comes back, towards which the diameter then goes in a straight line; gaps that are shorter than the lag are
-straight lines altogether. Before that the pupil goes on as it went (course.py). Both eyes' diameters are those at the
-state's own time, interpolated between their samples, whenever their cameras took them. Directions of gaze, openness
-and events are those of the live lane.
+straight lines altogether. Before that the pupil goes on as it went (extrapolation.py). Both eyes' diameters are those
+at the state's own time, interpolated between their samples, whenever their cameras took them. Directions of gaze,
+openness and events are those of the live mode.
 
 Latency: LAG_NS, exactly: a state leaves with the first record that is so much later, `tick` included.
 """
@@ -17,7 +17,7 @@ from collections.abc import Iterator
 
 import msgspec
 
-from entoptic.tracker_bridge.course import BASELINE_NS, Course
+from entoptic.tracker_bridge.extrapolation import BASELINE_NS, Extrapolation
 from entoptic.tracker_bridge.samples import Eye, EyeState, OneEyeState, Phase
 from entoptic.tracker_bridge.trust import DIAMETER_RANGE_MM
 
@@ -26,8 +26,8 @@ LAG_NS = 50_000_000
 twice over."""
 
 
-class RecordingLane:
-    """Feed it the live lane's states in order; `tick` what passes without one, and `flush` at the end."""
+class FixedLagSmoother:
+    """Feed it the live mode's states in order; `tick` what passes without one, and `flush` at the end."""
 
     def __init__(self) -> None:
         self._waiting: collections.deque[EyeState] = collections.deque()
@@ -70,13 +70,13 @@ class _Diameters:
     def __init__(self) -> None:
         self._ahead: collections.deque[_Mark] = collections.deque()
         self._trusted: collections.deque[tuple[int, float]] = collections.deque()
-        self._course: Course | None = None
+        self._extrapolation: Extrapolation | None = None
         self._sampled_ns: int | None = None
         self._phase: Phase | None = None
         self._shown: tuple[int, float] | None = None
 
     def add(self, one: OneEyeState) -> None:
-        """The live lane's newest."""
+        """The live mode's newest."""
         is_new = one.t_ns is not None and one.t_ns != self._sampled_ns
         if one.t_ns is not None and (is_new or one.phase is not self._phase):
             # In silence the phase changes without a sample, just behind the last one.
@@ -105,17 +105,17 @@ class _Diameters:
             return one
         self._shown = (t_ns, diameter_mm)
         phase = one.phase
-        if phase is Phase.TRACKING and self._course is not None:
+        if phase is Phase.TRACKING and self._extrapolation is not None:
             phase = Phase.CLOSING if any(mark.lid for mark in self._ahead) else Phase.DROPOUT
         return msgspec.structs.replace(one, phase=phase, diameter_mm=diameter_mm, borrowed=False)
 
     def _pass(self, mark: _Mark) -> None:
         if mark.diameter_mm is None:
-            if self._course is None and self._trusted:
-                self._course = Course(self._trusted)
+            if self._extrapolation is None and self._trusted:
+                self._extrapolation = Extrapolation(self._trusted)
             return
-        if self._course is not None:
-            self._course = None
+        if self._extrapolation is not None:
+            self._extrapolation = None
             self._trusted.clear()
         while self._trusted and self._trusted[0][0] < mark.t_ns - BASELINE_NS:
             self._trusted.popleft()
@@ -123,16 +123,16 @@ class _Diameters:
 
     def _diameter_mm(self, t_ns: int, after: tuple[int, float] | None) -> float | None:
         before = self._trusted[-1] if self._trusted else None
-        if self._course is None and before is not None:
+        if self._extrapolation is None and before is not None:
             if before[0] == t_ns:
                 return before[1]
             if after is not None and self._ahead[0].t_ns == after[0]:
                 return _between(before, after, t_ns)
         if after is not None and self._shown is not None:
             return _between(self._shown, after, t_ns)
-        if self._course is not None:
+        if self._extrapolation is not None:
             low_mm, high_mm = DIAMETER_RANGE_MM
-            return min(max(self._course.at(t_ns), low_mm), high_mm)
+            return min(max(self._extrapolation.at(t_ns), low_mm), high_mm)
         return None if before is None else before[1]
 
 
