@@ -21,11 +21,11 @@ from entoptic.pipeline import (
     View,
     perceive,
 )
-from entoptic.pipeline.cost.plain import glare as plain_glare
-from entoptic.pipeline.cost.plain import whole as plain_whole
 from entoptic.pipeline.effects.glare import mixture
 from entoptic.pipeline.measure import measure
 from entoptic.pipeline.optics.aperture import Pose
+from entoptic.pipeline.oracles import chain as plain_whole
+from entoptic.pipeline.oracles import glare_fft as plain_glare
 from entoptic.pipeline.scenes import Head, open_scene
 from entoptic.services.process import prepare_jax
 from entoptic.tracker_bridge.wire import Eye

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import math
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
@@ -16,12 +15,12 @@ from entoptic.pipeline.effects.adaptation import Adapted, begin, step, target_cd
 from entoptic.pipeline.effects.adaptation.pigments import PUPIL_MM
 from entoptic.pipeline.eye_context import EyeContext
 from entoptic.pipeline.eye_pose import EyePose
-from entoptic.pipeline.frame import Display, Frame, View
+from entoptic.pipeline.frame import Display, Frame
 from entoptic.pipeline.measure import Measurement
 from entoptic.pipeline.observer import Observer
 from entoptic.pipeline.optics import ocular_dynamics
 from entoptic.pipeline.optics.ocular_dynamics import OcularState
-from entoptic.pipeline.optics.pupil import watson_yellott_mm
+from entoptic.pipeline.optics.pupil import expected_mm
 
 if TYPE_CHECKING:
 
@@ -91,7 +90,7 @@ def view_frame(
     adapted = _adapted(frame, measured, poses, effects, before, dt_s)
     elapsed_s = 0.0 if before is None else before.elapsed_s + max(dt_s, 0.0)
     pupils_mm = [
-        _expected_pupil_mm(frame.view, one.luminance_cd_m2, observer) if pose.pupil_mm is None else pose.pupil_mm
+        expected_mm(frame.view, one.luminance_cd_m2, observer.age_years) if pose.pupil_mm is None else pose.pupil_mm
         for one, pose in zip(adapted, poses, strict=True)
     ]
     at_rest = (ocular_dynamics.at_rest(observer),) * len(poses)
@@ -162,11 +161,6 @@ def _adapted(
     return tuple(
         step(one, target, dt_s, settings, mm) for one, target, mm in zip(adapted, targets, pupils, strict=True)
     )
-
-
-def _expected_pupil_mm(view: View, adapted_cd_m2: float, observer: Observer) -> float:
-    field_deg2 = view.fov_deg * math.degrees(2 * math.atan(view.height_px / 2 / view.focal_px))
-    return watson_yellott_mm(adapted_cd_m2, field_deg2, observer.age_years)
 
 
 def _remembered(eye: EyeContext, before: RenderState | None, dt_s: float) -> dict[str, Any]:

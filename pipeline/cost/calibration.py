@@ -9,11 +9,13 @@ from typing import Any
 
 import jax
 
-from entoptic.pipeline.budget import SHIPPED, CostModel, Timing, calibrate
+from entoptic.pipeline.budget import CostModel, Timing, calibrate
 from entoptic.pipeline.cost.scenes import scene
-from entoptic.pipeline.cost.ways import EFFECTS, Stage
-from entoptic.pipeline.cost.ways.on_display import DEFAULT_CELLS
-from entoptic.pipeline.cost.whole_frame import Size
+from entoptic.pipeline.cost.viewing import SceneViewing
+from entoptic.pipeline.cost.whole_frame import Size, runner
+from entoptic.pipeline.effects import EFFECTS
+from entoptic.pipeline.effects.adaptation import target_cd_m2
+from entoptic.pipeline.effects.encode import encode
 from entoptic.pipeline.measure import measure
 
 SCENE = "night street"
@@ -21,8 +23,6 @@ SCENE = "night street"
 SIZES: tuple[Size, ...] = ((1440, 1600), (720, 800), (360, 400))
 """A headset's display, its half and its quarter: what is fixed and what grows with the pixels then stand apart."""
 ROUNDS = 7
-LEVELS = {("encode", "srgb"): ("encode", "whole"), ("afterimage", DEFAULT_CELLS): ("afterimage", "on")}
-"""What the cost model calls ways of effects that it has other names for."""
 
 Calls = dict[tuple[str, str], Callable[[], Any]]
 """By effect and level."""
@@ -30,7 +30,7 @@ Calls = dict[tuple[str, str], Callable[[], Any]]
 
 def run(sizes: tuple[Size, ...], rounds: int, done: Callable[[], None] = lambda: None) -> CostModel:
     """The model of this machine. `done` is told of each of `steps` frames that has ended."""
-    of_sizes = [(size, calls(Stage(scene(SCENE, *size)))) for size in sizes]
+    of_sizes = [(size, calls(SceneViewing(scene(SCENE, *size), exact=False))) for size in sizes]
     return calibrate([functools.partial(_timings, *of_size) for of_size in of_sizes], rounds, done)
 
 
@@ -39,15 +39,20 @@ def steps(sizes: tuple[Size, ...], rounds: int) -> int:
     return len(sizes) * (rounds + 1)
 
 
-def calls(stage: Stage) -> Calls:
-    """What the cost model has a figure for, each to be called alone; but for the glare reference, which takes minutes,
-    and for planning, whose time grows with nothing."""
-    found: Calls = {("measure", "whole"): lambda: measure(stage.scene.frame)}
-    for effect, ways in EFFECTS.items():
-        for way in ways(stage).ways:
-            level = LEVELS.get((effect, way.name), (effect, way.name))
-            if way.run is not None and level[1] in SHIPPED.costs.get(level[0], {}):
-                found[level] = way.run
+def calls(viewing: SceneViewing) -> Calls:
+    """What the cost model has a figure for, each to be called alone; but for levels that no variant has, and for
+    planning, whose time grows with nothing."""
+    shown = viewing.before(EFFECTS[-1]).image
+    found: Calls = {
+        ("measure", "whole"): lambda: measure(viewing.scene.frame),
+        ("encode", "whole"): lambda: encode(shown, viewing.display),
+    }
+    for effect in EFFECTS:
+        for settings in effect.variants().values():
+            level = effect.full_level(settings)
+            if level in effect.costs:
+                found.setdefault((effect.name, level), runner(effect, settings, viewing))
+    found["adaptation", next(iter(EFFECTS[0].costs))] = lambda: target_cd_m2(viewing.scene.measured, 0.0, 0.0)
     return found
 
 

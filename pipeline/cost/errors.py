@@ -12,9 +12,9 @@ from colour.difference import delta_E_ITP
 from jaxtyping import Float
 from numpy.typing import NDArray
 
-from entoptic.pipeline.cost.plain.tone import encode
 from entoptic.pipeline.effects import tone
 from entoptic.pipeline.frame import LUMINANCE_WEIGHTS, Display
+from entoptic.pipeline.oracles.tone import encode
 
 REC709_TO_REC2020 = matrix_RGB_to_RGB(RGB_COLOURSPACES["ITU-R BT.709"], RGB_COLOURSPACES["ITU-R BT.2020"])
 """Linear light between primaries: ICtCp is defined on those of Rec.2020."""

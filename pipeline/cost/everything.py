@@ -1,24 +1,22 @@
-"""What accuracy costs in every effect and in the whole frame, over all scenes."""
+"""What accuracy costs in every variant of every effect, over all scenes: errors beside oracles, times in turns."""
 
 from __future__ import annotations
 
 import dataclasses
 from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from jaxtyping import Array
 
 from entoptic.pipeline.cost import scenes
-from entoptic.pipeline.cost.ways import EFFECTS, Row, Stage, measure_ways
-from entoptic.pipeline.cost.whole_frame import (
-    COMBINATIONS,
-    GLARES,
-    Size,
-    Whole,
-    errors_of_combinations,
-    parts_ms,
-    time_of,
-)
+from entoptic.pipeline.cost.errors import Errors, OnDisplay, errors_between
+from entoptic.pipeline.cost.timing import Times, interleaved
+from entoptic.pipeline.cost.viewing import AnyEffect, Reals, SceneViewing
+from entoptic.pipeline.cost.whole_frame import COMBINATIONS, Size, Whole, errors_of_combinations, parts_ms, time_of
+from entoptic.pipeline.effects import EFFECTS
+from entoptic.pipeline.effects.effect import SKIPPED, Domain
 
-PARTS = 6 + len(GLARES) - 1
-"""How many parts of a frame are timed."""
 RATES_FPS = (90.0, 60.0, 30.0, 5.0)
 """A fast headset, a screen, a film in real time, a preview."""
 
@@ -43,6 +41,25 @@ QUICK = Effort(("moonlight", "night street"), (72, 80), ((72, 80),), 1)
 
 
 @dataclasses.dataclass(frozen=True)
+class Row:
+    """One variant on one scene."""
+
+    effect: str
+    setting: str
+    of: str
+    """The first variant that has the same oracle: these are rivals, others are other pictures."""
+    scene: str
+    errors: Errors
+    times: Times | None
+    """None where nothing ran."""
+
+    @property
+    def median_ms(self) -> float:
+        """0 where nothing ran."""
+        return 0.0 if self.times is None else self.times.median_ms
+
+
+@dataclasses.dataclass(frozen=True)
 class Cost:
     """All that was measured."""
 
@@ -52,30 +69,62 @@ class Cost:
 
 
 def steps(effort: Effort, rounds: int) -> int:
-    """About how many calls `run` tells of: each effect's ways are known only on a stage."""
-    ways = 45 * (rounds + 1) + 30
-    return len(effort.scenes) * (ways + 1 + len(COMBINATIONS) + len(effort.sizes) * PARTS * (rounds + 1))
+    """How many calls `run` tells of."""
+    variants = sum(len(effect.variants()) * (rounds + 1) for effect in EFFECTS) + len(EFFECTS)
+    parts = len(effort.sizes) * (rounds + 1) * sum(1 + len(effect.costs) for effect in EFFECTS)
+    return len(effort.scenes) * (variants + len(COMBINATIONS) + parts)
 
 
 def run(effort: Effort, rounds: int, done: Callable[[str], None] = lambda label: None) -> Cost:
-    """Measures every way of every effect, and the whole frame; `done` is told of each call that has ended."""
+    """Measures every variant of every effect, and the whole frame; `done` is told of each call that has ended."""
     rows: list[Row] = []
     wholes: list[Whole] = []
     for name in effort.scenes:
-        stage = Stage(scenes.scene(name, *effort.size))
-        for effect, make in EFFECTS.items():
-            rows += measure_ways(effect, make(stage), stage, rounds, done)
-        errors = errors_of_combinations(stage, done)
-        parts = {size: parts_ms(Stage(scenes.scene(name, *size)), rounds, done) for size in effort.sizes}
+        viewing = SceneViewing(scenes.scene(name, *effort.size))
+        for effect in EFFECTS:
+            rows += measure_effect(effect, viewing, rounds, done)
+        errors = errors_of_combinations(viewing, done)
+        parts = {
+            size: parts_ms(SceneViewing(scenes.scene(name, *size), exact=False), rounds, done) for size in effort.sizes
+        }
         wholes += [
-            Whole(
-                combination,
-                name,
-                of_combination,
-                {size: time_of(combination, of_size) for size, of_size in parts.items()},
-            )
-            for combination, of_combination in errors.items()
+            Whole(combination, name, of, {size: time_of(combination, of_size) for size, of_size in parts.items()})
+            for combination, of in errors.items()
         ]
-    order = list(EFFECTS)
+    order = [effect.name for effect in EFFECTS]
     rows.sort(key=lambda row: order.index(row.effect))
     return Cost(rows, wholes)
+
+
+def measure_effect(
+    effect: AnyEffect, viewing: SceneViewing, rounds: int, done: Callable[[str], None] = lambda label: None
+) -> list[Row]:
+    """A row for each variant, and one for leaving the effect out."""
+    picture, variants = viewing.before(effect), effect.variants()
+    eyes = {name: viewing.eye(effect, settings) for name, settings in variants.items()}
+
+    def call(name: str, settings: Any) -> Callable[[], Array]:
+        return lambda: effect.apply(picture, [eyes[name]], settings, effect.full_level(settings), None)
+
+    timed = interleaved({name: call(name, settings) for name, settings in variants.items()}, rounds, done)
+    rivals: dict[object, str] = {}
+    truths: dict[str, tuple[Reals, OnDisplay]] = {}
+    rows: list[Row] = []
+    unit_cd_m2 = 1.0 if effect.domain is Domain.SCENE else viewing.display.peak_cd_m2
+
+    def row(name: str, of: str, image: Reals, times: Times | None) -> Row:
+        seen = OnDisplay(viewing.on_display(effect, image), viewing.display)
+        truth, shown = truths[of]
+        errors = errors_between(image * unit_cd_m2, truth * unit_cd_m2, seen, shown)
+        return Row(effect.name, name, of, viewing.scene.name, errors, times)
+
+    for name, settings in variants.items():
+        of = rivals.setdefault(effect.truth_of(settings), name)
+        if of not in truths:
+            truth = effect.oracle(picture, eyes[name], settings)
+            truths[of] = truth, OnDisplay(viewing.on_display(effect, truth), viewing.display)
+        if not rows and effect.optional:
+            rows.append(row(SKIPPED, of, np.asarray(picture.image[0], np.float64), None))
+        rows.append(row(name, of, np.asarray(timed[name].result[0], np.float64), timed[name].times))
+    done(f"{effect.name} truth")
+    return rows

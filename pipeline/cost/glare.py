@@ -29,11 +29,11 @@ from entoptic.pipeline.effects.glare.models import (
     reference_kernel,
     wave_component,
 )
-from entoptic.pipeline.effects.glare.reference import reference_glare
 from entoptic.pipeline.frame import Display
 from entoptic.pipeline.observer import Observer
 from entoptic.pipeline.optics.aperture import Pose
 from entoptic.pipeline.optics.light_spectra import WAVELENGTHS
+from entoptic.pipeline.oracles.glare import reference_glare
 
 PUPIL_MM = 5.0
 """One of those whose kernels are kept. Engineering choice: midway between the limits of 2 and 8."""

@@ -1,57 +1,47 @@
 """The whole frame: what each combination of levels costs, how far it is from the truth, and which to take.
 
-Effects whose levels approximate something are combined: glare, acuity, night colour. Measuring, adaptation, tone
-mapping and encoding run always. A combination's time is the sum of its parts' medians, with the kernel at hand; its
-error is that of its own image against float64: the glare reference, the true acuity filter, tone and tint plainly.
+Combined are the effects that are on by default and can be left out, each skipped or by one of the variants that
+approximate the same truth. Measuring, adaptation, tone mapping and encoding run always. A combination's time is the sum
+of its parts' medians, with what effects prepare at hand; its error is that of its own image against all oracles.
 """
 
 from __future__ import annotations
 
 import dataclasses
-import functools
 import itertools
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
-import jax.numpy as jnp
 import numpy as np
+from jaxtyping import Array
 
 from entoptic.pipeline.cost.comparison import pareto
 from entoptic.pipeline.cost.errors import Errors, OnDisplay, errors_between
-from entoptic.pipeline.cost.plain import acuity as plain_acuity
-from entoptic.pipeline.cost.plain import night_colour as plain_night
-from entoptic.pipeline.cost.plain import tone as plain_tone
 from entoptic.pipeline.cost.timing import interleaved
-from entoptic.pipeline.cost.ways.stage import Reals, Stage
-from entoptic.pipeline.cost.ways.way import SKIPPED
-from entoptic.pipeline.effects import acuity, adaptation, night_colour, tone
+from entoptic.pipeline.cost.viewing import DEFAULT, AnyEffect, SceneViewing, draws
+from entoptic.pipeline.effects import EFFECTS
+from entoptic.pipeline.effects.adaptation import target_cd_m2
+from entoptic.pipeline.effects.effect import SKIPPED, Picture
 from entoptic.pipeline.effects.encode import encode
-from entoptic.pipeline.effects.glare import Glare, GlareLevel
-from entoptic.pipeline.effects.glare.reference import of_mixture, reference_glare
-from entoptic.pipeline.effects.night_colour import NightColour
-from entoptic.pipeline.effects.tone import Tone
 from entoptic.pipeline.measure import measure
 
-GLARES = (SKIPPED, *(level.value for level in GlareLevel if level is not GlareLevel.REFERENCE))
-ALWAYS = ("measure", "adaptation", "tone", "encode")
-"""The parts that every frame needs."""
 Size = tuple[int, int]
 """Width and height in pixels."""
+Combination = tuple[tuple[str, str], ...]
+"""A level of each effect that is combined: (effect, level)."""
 
 
-@dataclasses.dataclass(frozen=True, order=True)
-class Combination:
-    """A level of each effect."""
-
-    glare: str
-    acuity: str
-    night_colour: str
-
-    def __str__(self) -> str:
-        return f"glare {self.glare}, acuity {self.acuity}, night colour {self.night_colour}"
+def levels(effect: AnyEffect) -> Mapping[str, Any]:
+    """The variants that approximate the same truth as an effect's default, by name."""
+    variants = effect.variants()
+    default = effect.truth_of(effect.settings_of(DEFAULT))
+    return {name: settings for name, settings in variants.items() if effect.truth_of(settings) == default}
 
 
-COMBINATIONS = tuple(Combination(*levels) for levels in itertools.product(GLARES, (SKIPPED, "fit"), (SKIPPED, "lui")))
+COMBINED = tuple(effect for effect in EFFECTS if effect.optional and effect.is_on(effect.settings_of(DEFAULT)))
+COMBINATIONS: tuple[Combination, ...] = tuple(
+    itertools.product(*([(effect.name, level) for level in (SKIPPED, *levels(effect))] for effect in COMBINED))
+)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -65,66 +55,78 @@ class Whole:
     """One eye's frame, at each size."""
 
 
-def parts(stage: Stage) -> dict[str, Callable[[], Any]]:
+def in_words(combination: Combination) -> str:
+    """What a combination is called."""
+    return ", ".join(f"{effect.replace('_', ' ')} {level}" for effect, level in combination)
+
+
+def parts(viewing: SceneViewing) -> dict[str, Callable[[], Any]]:
     """All that combinations are made of, as `effect` or `effect level`, each to be called alone."""
-    frame, adapted, display = stage.scene.frame, stage.adapted_cd_m2, stage.display
-    rgb, shown = frame.rgb_cd_m2, jnp.asarray(stage.shown)[None]
-    return {
+    frame, display = viewing.scene.frame, viewing.display
+    found: dict[str, Callable[[], Any]] = {
         "measure": lambda: measure(frame),
-        "adaptation": lambda: adaptation.target_cd_m2(stage.scene.measured, 0.0, 0.0),
-        "tone": lambda: tone.show(rgb, [adapted], [adapted], Tone(), display),
-        "encode": lambda: encode(shown, display),
-        "acuity fit": lambda: acuity.dark_acuity(rgb),
-        "night_colour lui": lambda: night_colour.shift(shown, [adapted], NightColour()),
-        **{
-            f"glare {level}": functools.partial(stage.glare, Glare(level=GlareLevel(level)))
-            for level in GLARES
-            if level != SKIPPED
-        },
+        "adaptation": lambda: target_cd_m2(viewing.scene.measured, 0.0, 0.0),
     }
+    for effect in EFFECTS:
+        settings = effect.settings_of(DEFAULT)
+        if effect in COMBINED:
+            found |= {f"{effect.name} {level}": runner(effect, of, viewing) for level, of in levels(effect).items()}
+        elif draws(effect) and effect.is_on(settings):
+            found[effect.name] = runner(effect, settings, viewing)
+    shown = viewing.before(EFFECTS[-1]).image
+    return {**found, "encode": lambda: encode(shown, display)}
 
 
-def parts_ms(stage: Stage, rounds: int, done: Callable[[str], None] = lambda label: None) -> dict[str, float]:
+def runner(effect: AnyEffect, settings: Any, viewing: SceneViewing) -> Callable[..., Array]:
+    """What makes an effect's image of a picture, or of what it starts from, with all that it prepares at hand."""
+    eye, own = viewing.eye(effect, settings), viewing.before(effect)
+
+    def run(picture: Picture = own) -> Array:
+        return effect.apply(picture, [eye], settings, effect.full_level(settings), None)
+
+    return run
+
+
+def parts_ms(viewing: SceneViewing, rounds: int, done: Callable[[str], None] = lambda label: None) -> dict[str, float]:
     """Median time of each part."""
-    return {name: timed.times.median_ms for name, timed in interleaved(parts(stage), rounds, done).items()}
+    return {name: timed.times.median_ms for name, timed in interleaved(parts(viewing), rounds, done).items()}
 
 
 def time_of(combination: Combination, milliseconds: Mapping[str, float]) -> float:
     """Of a frame whose parts take so long."""
-    runs = [f"{effect} {level}" for effect, level in dataclasses.asdict(combination).items() if level != SKIPPED]
-    return sum(milliseconds[part] for part in (*ALWAYS, *runs))
+    always = [part for part in milliseconds if " " not in part]
+    runs = [f"{effect} {level}" for effect, level in combination if level != SKIPPED]
+    return sum(milliseconds[part] for part in (*always, *runs))
 
 
-def errors_of_combinations(stage: Stage, done: Callable[[str], None] = lambda label: None) -> dict[Combination, Errors]:
+def errors_of_combinations(
+    viewing: SceneViewing, done: Callable[[str], None] = lambda label: None
+) -> dict[Combination, Errors]:
     """Each combination's image on the display against the truth."""
-    rgb = np.asarray(stage.rgb, np.float64)
-    truth = plain_acuity.true_filter(
-        np.maximum(reference_glare(rgb, stage.scene.frame.view, *of_mixture(stage.kernel())), 0)
-    )
-    peak = stage.display.peak_cd_m2
-    toned = plain_tone.aces(truth, stage.exposure, peak)
-    true = OnDisplay(np.clip(plain_night.night_tint(toned, stage.adapted_cd_m2), 0, 1) * peak, stage.display)
-    done("truth of the whole frame")
+    last = EFFECTS[-1]
+    peak_cd_m2, display = viewing.display.peak_cd_m2, viewing.display
+    truth = np.clip(np.asarray(viewing.before(last).image[0], np.float64), 0, 1)
+    true = OnDisplay(truth * peak_cd_m2, display)
+    runners = {
+        (effect.name, level): runner(effect, of, viewing) for effect in COMBINED for level, of in levels(effect).items()
+    }
+    always = {
+        effect.name: runner(effect, effect.settings_of(DEFAULT), viewing)
+        for effect in EFFECTS
+        if effect not in COMBINED and draws(effect) and effect.is_on(effect.settings_of(DEFAULT))
+    }
     found = {}
     for combination in COMBINATIONS:
-        seen = OnDisplay(_image(combination, stage) * peak, stage.display)
+        chosen = dict(combination)
+        picture = Picture(viewing.scene.frame.rgb_cd_m2, viewing.scene.frame.rgb_cd_m2)
+        for effect in EFFECTS:
+            run = runners.get((effect.name, chosen.get(effect.name, ""))) or always.get(effect.name)
+            if run is not None:
+                picture = picture.after(run(picture), effect.domain)
+        seen = OnDisplay(np.clip(np.asarray(picture.image[0], np.float64), 0, 1) * peak_cd_m2, display)
         found[combination] = errors_between(seen.light_cd_m2, true.light_cd_m2, seen, true)
-        done(str(combination))
+        done(in_words(combination))
     return found
-
-
-def _image(combination: Combination, stage: Stage) -> Reals:
-    """What the program shows, as a share of the peak."""
-    image = stage.scene.frame.rgb_cd_m2
-    if combination.glare != SKIPPED:
-        image = stage.glare(Glare(level=GlareLevel(combination.glare)))[None]
-    if combination.acuity != SKIPPED:
-        image = acuity.dark_acuity(image)
-    adapted = [stage.adapted_cd_m2]
-    shown = tone.show(image, adapted, adapted, Tone(), stage.display)
-    if combination.night_colour != SKIPPED:
-        shown = night_colour.shift(shown, adapted, NightColour())
-    return np.clip(np.asarray(shown[0], np.float64), 0, 1)
 
 
 @dataclasses.dataclass(frozen=True)

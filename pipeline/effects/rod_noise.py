@@ -269,7 +269,11 @@ class RodNoiseEffect(Effect[RodNoise, None]):
         return darkness(eye.measured, settings.below_cd_m2)
 
     def oracle(self, picture: Picture, eye: EyeContext, settings: RodNoise) -> NDArray[np.float64]:
-        raise SystemError
+        from entoptic.pipeline.oracles.rod_noise import noisy
+
+        rgb = np.asarray(picture.image[0], np.float64)
+        eyes = eye.frame.rgb_cd_m2.shape[0]
+        return noisy(rgb, eye.time_s, eye.pupil_mm, eye.view.ppd_centre, settings, eye.image, eyes)
 
     def variants(self) -> Mapping[str, RodNoise]:
         return {"on": RodNoise(on=True)}

@@ -7,10 +7,9 @@ import math
 from collections.abc import Sequence
 from pathlib import Path
 
-from entoptic.pipeline.cost.everything import RATES_FPS
-from entoptic.pipeline.cost.ways import Row
-from entoptic.pipeline.cost.ways.way import SKIPPED
-from entoptic.pipeline.cost.whole_frame import Choice, Size, Whole, choose
+from entoptic.pipeline.cost.everything import RATES_FPS, Row
+from entoptic.pipeline.cost.whole_frame import Choice, Size, Whole, choose, in_words
+from entoptic.pipeline.effects.effect import SKIPPED
 from entoptic.services.cost import everything_plots as plots
 from entoptic.services.cost.glare import ERROR_COLUMNS, TIME_COLUMNS, error_cells, time_cells
 
@@ -28,7 +27,10 @@ def write(folder: Path, rows: Sequence[Row], wholes: Sequence[Whole], device: st
     with (folder / FRAMES).open("w", encoding="utf-8", newline="") as stream:
         writer = csv.writer(stream, lineterminator="\n")
         writer.writerow(
-            ["glare", "acuity", "night_colour", "scene", *ERROR_COLUMNS, *(f"ms_{w}x{h}" for w, h in sizes)]
+            [
+                *(effect for effect, _ in wholes[0].combination),
+                *("scene", *ERROR_COLUMNS, *(f"ms_{w}x{h}" for w, h in sizes)),
+            ]
         )
         writer.writerows(_frame_cells(whole, sizes) for whole in wholes)
     for effect in dict.fromkeys(row.effect for row in rows):
@@ -46,9 +48,8 @@ def _cells(row: Row) -> list[object]:
 
 
 def _frame_cells(whole: Whole, sizes: Sequence[Size]) -> list[object]:
-    of = whole.combination
     times = [f"{whole.milliseconds[size]:.2f}" for size in sizes]
-    return [of.glare, of.acuity, of.night_colour, whole.scene, *error_cells(whole.errors), *times]
+    return [*(level for _, level in whole.combination), whole.scene, *error_cells(whole.errors), *times]
 
 
 def advice(wholes: Sequence[Whole], device: str) -> str:
@@ -84,14 +85,13 @@ def _said(choice: Choice) -> str:
         else f"worst scene {choice.worst_scene}, ΔE ITP p95 {choice.delta_e_p95:.2g}; at most "
         f"{choice.share_changed:.1%} of a scene's pixels change by a code value"
     )
-    return f"{_size(choice.size)}: {choice.combination}: {choice.milliseconds:.1f} ms; {seen}."
+    return f"{_size(choice.size)}: {in_words(choice.combination)}: {choice.milliseconds:.1f} ms; {seen}."
 
 
 def _cell(choice: Choice) -> str:
     if choice.combination is None:
         return f"– ({choice.milliseconds:.0f} ms)"
-    of = choice.combination
-    taken = " + ".join(level for level in (of.glare, of.acuity, of.night_colour) if level != SKIPPED)
+    taken = " + ".join(level for _, level in choice.combination if level != SKIPPED)
     return f"{taken or 'nothing'}: {choice.milliseconds:.0f} ms, {choice.delta_e_p95:.2g}"
 
 

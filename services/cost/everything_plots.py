@@ -12,8 +12,9 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from entoptic.pipeline.cost.comparison import pareto
-from entoptic.pipeline.cost.ways import Row
+from entoptic.pipeline.cost.everything import Row
 from entoptic.pipeline.cost.whole_frame import Size, Whole, front
+from entoptic.pipeline.effects.effect import SKIPPED
 from entoptic.services.cost.glare_plots import COLOURS, SMALLEST_SHARE, Mark, label
 
 SMALLEST_MS = 1e-3
@@ -119,8 +120,7 @@ def whole_fronts(path: Path, wholes: Sequence[Whole], size: Size) -> None:
 
 
 def _short(whole: Whole) -> str:
-    of = whole.combination
-    levels = [level for level in (of.glare, of.acuity, of.night_colour) if level != "skipped"]
+    levels = [level for _, level in whole.combination if level != SKIPPED]
     return " · ".join(levels) or "nothing"
 
 

@@ -9,9 +9,9 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from entoptic.pipeline import View
-from entoptic.pipeline.cost.plain import acuity, adaptation
 from entoptic.pipeline.effects.rod_noise import RodNoise
 from entoptic.pipeline.mesopic import SCOTOPIC_WEIGHTS
+from entoptic.pipeline.oracles import acuity, adaptation
 from entoptic.pipeline.threshold import cone_threshold_cd_m2
 
 Reals = NDArray[np.float64]

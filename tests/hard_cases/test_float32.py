@@ -11,20 +11,20 @@ from eye_contexts import glared
 from hard_frames import SMALL, VIEW, every_adapted, every_frame, of_name, see
 
 from entoptic.pipeline import Display, EyePose, Frame, Glare, GlareLevel, GlareModel
-from entoptic.pipeline.cost.plain import acuity as plain_acuity
-from entoptic.pipeline.cost.plain import adaptation as plain_adaptation
-from entoptic.pipeline.cost.plain import night_colour as plain_night
-from entoptic.pipeline.cost.plain import operators as plain_operators
-from entoptic.pipeline.cost.plain import tone as plain_tone
-from entoptic.pipeline.cost.plain import whole as plain_whole
 from entoptic.pipeline.effects import acuity, adaptation, night_colour, tone
 from entoptic.pipeline.effects.encode import srgb_codes
 from entoptic.pipeline.effects.glare import mixture
-from entoptic.pipeline.effects.glare.reference import of_mixture, reference_glare
 from entoptic.pipeline.effects.night_colour import NightColour, NightMethod
 from entoptic.pipeline.effects.tone import Hue, Operator, Tone
 from entoptic.pipeline.measure import measure
 from entoptic.pipeline.optics.aperture import Pose
+from entoptic.pipeline.oracles import acuity as plain_acuity
+from entoptic.pipeline.oracles import adaptation as plain_adaptation
+from entoptic.pipeline.oracles import chain as plain_whole
+from entoptic.pipeline.oracles import night_colour as plain_night
+from entoptic.pipeline.oracles import operators as plain_operators
+from entoptic.pipeline.oracles import tone as plain_tone
+from entoptic.pipeline.oracles.glare import of_mixture, reference_glare
 
 DISPLAY = Display()
 
@@ -102,22 +102,17 @@ def test_every_tone_operator_is_within_5e_6(name: str, adapted: float, hue: Hue,
 
 WITHIN = {NightMethod.KRI_XY: 2e-4, NightMethod.BAR: 1e-5}
 """KRI's primaries have four digits or seven; BAR's step at 3 cd/m² is spread over its curve. The others: rounding."""
-PLAIN_NIGHT = {
-    NightMethod.LUI: plain_night.night_tint,
-    NightMethod.KRI_XY: plain_night.kri_xy,
-    NightMethod.KRI_RGB: plain_night.kri_rgb,
-    NightMethod.BAR: plain_night.bar,
-}
+METHODS = (NightMethod.LUI, NightMethod.KRI_XY, NightMethod.KRI_RGB, NightMethod.BAR)
 
 
 @every_frame
 @every_adapted
-@pytest.mark.parametrize("method", PLAIN_NIGHT)
+@pytest.mark.parametrize("method", METHODS)
 def test_night_colour_is_within_its_tolerance(name: str, adapted: float, method: NightMethod) -> None:
-    _, exact = of_name(name)
-    exact = plain_tone.aces(exact, plain_adaptation.exposure(adapted), 100.0)
+    _, scene = of_name(name)
+    exact = plain_tone.aces(scene, plain_adaptation.exposure(adapted), 100.0)
     image = np.asarray(night_colour.shift(jnp.asarray(exact, jnp.float32)[None], [adapted], NightColour(method)))[0]
-    truth = PLAIN_NIGHT[method](exact, adapted)
+    truth = plain_night.shifted(exact, scene, adapted, NightColour(method))
     apart = np.abs(image - truth) / np.maximum(exact.max(axis=0), 1e-30)
     assert apart.max() <= WITHIN.get(method, 2e-6)
 

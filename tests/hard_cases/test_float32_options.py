@@ -13,8 +13,6 @@ from hard_frames import every_adapted, every_frame, of_name
 from numpy.typing import NDArray
 
 from entoptic.pipeline import Display, View
-from entoptic.pipeline.cost.plain import adaptation, night_colour, operators
-from entoptic.pipeline.cost.plain import tone as plain_tone
 from entoptic.pipeline.effects import acuity, afterimage, rod_noise, tone
 from entoptic.pipeline.effects.acuity import Acuity, AcuityMethod
 from entoptic.pipeline.effects.afterimage import Afterimage, Retina
@@ -23,6 +21,8 @@ from entoptic.pipeline.effects.night_colour.share import adapted_share
 from entoptic.pipeline.effects.night_colour.tints import tint, weights
 from entoptic.pipeline.effects.rod_noise import RodNoise
 from entoptic.pipeline.effects.tone import Hue, Operator, Tone
+from entoptic.pipeline.oracles import adaptation, night_colour, operators
+from entoptic.pipeline.oracles import tone as plain_tone
 
 Reals = NDArray[np.float64]
 

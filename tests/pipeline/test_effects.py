@@ -149,6 +149,17 @@ def test_what_may_stand_behind_it_holds_what_does(effect: Effect, settings: msgs
     assert (seen.high <= stands.high * (1 + 1e-4) + rounding).all()
 
 
+@pytest.mark.parametrize(("effect", "settings"), CASES)
+def test_float32_is_the_oracle_within_what_is_stated(effect: Effect, settings: msgspec.Struct) -> None:
+    for k in range(3):
+        eye, picture = before_effect(effect, settings, k)
+        image = np.asarray(effect.apply(picture, [eye], settings, effect.full_level(settings), None), np.float64)[0]
+        truth = effect.oracle(picture, eye, settings)
+        scale = float(np.quantile(np.abs(truth), 0.99))
+        off = np.abs(image - truth) / (np.abs(truth) + scale)
+        assert np.quantile(off, 0.99) <= effect.accuracy(settings), (k, float(np.quantile(off, 0.99)), float(off.max()))
+
+
 @pytest.mark.parametrize("planning", [Planning(), Planning(everything=True), Planning(budget_ms=1.0)])
 @pytest.mark.parametrize("k", range(3))
 def test_what_the_plan_says_runs_is_drawn_and_nothing_else(

@@ -11,15 +11,15 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
+from entoptic.pipeline import EFFECTS
 from entoptic.pipeline.budget import SHIPPED
 from entoptic.pipeline.cost import calibration, everything
 from entoptic.pipeline.cost.errors import Errors
-from entoptic.pipeline.cost.everything import Cost, Effort
+from entoptic.pipeline.cost.everything import Cost, Effort, Row
 from entoptic.pipeline.cost.scenes import scene
 from entoptic.pipeline.cost.timing import Times
-from entoptic.pipeline.cost.ways import EFFECTS, Row, Stage
-from entoptic.pipeline.cost.whole_frame import ALWAYS, COMBINATIONS, GLARES, Whole
-from entoptic.pipeline.frame import Encoding
+from entoptic.pipeline.cost.viewing import SceneViewing
+from entoptic.pipeline.cost.whole_frame import COMBINATIONS, Whole, in_words
 from entoptic.services.commands.cost import cost as command
 from entoptic.services.cost import everything as cost_everything
 from entoptic.services.cost import everything_plots as cost_everything_plots
@@ -98,12 +98,14 @@ class TestAdvice:
     def test_what_fits_is_named_with_its_time_and_its_error(self) -> None:
         """At 30 fps, 33.3 ms: the seventh, 32 ms, at the large size; at the small one the last, 21 ms."""
         large, small = self.said(30)
-        assert large.startswith(f"- 48×52: {COMBINATIONS[6]}: 32.0 ms; worst scene moonlight, ΔE ITP p95 0.41;")
-        assert small.startswith(f"- 24×26: {COMBINATIONS[-1]}: 21.0 ms;")
+        assert large.startswith(
+            f"- 48×52: {in_words(COMBINATIONS[6])}: 32.0 ms; worst scene moonlight, ΔE ITP p95 0.41;"
+        )
+        assert small.startswith(f"- 24×26: {in_words(COMBINATIONS[-1])}: 21.0 ms;")
 
     def test_at_the_fastest_rate_only_the_cheapest_fits(self) -> None:
         large, _ = self.said(90)
-        assert large.startswith(f"- 48×52: {COMBINATIONS[0]}: 8.0 ms;")
+        assert large.startswith(f"- 48×52: {in_words(COMBINATIONS[0])}: 8.0 ms;")
 
     def test_where_nothing_fits_it_says_what_the_least_takes(self) -> None:
         slow = [
@@ -143,29 +145,28 @@ def test_the_command_measures_and_writes(tmp_path: Path, monkeypatch: pytest.Mon
 
 def test_a_run_measures_every_effect_of_every_scene(monkeypatch: pytest.MonkeyPatch) -> None:
     """How it goes together; effects, combinations and parts are tested by themselves."""
-    parts = {**dict.fromkeys(ALWAYS, 1.0), "acuity fit": 2.0, "night_colour lui": 3.0}
-    parts |= {f"glare {level}": 4.0 for level in GLARES}
-    monkeypatch.setattr(everything, "EFFECTS", {"encode": EFFECTS["encode"]})
-    monkeypatch.setattr(everything, "parts_ms", lambda stage, rounds, done: parts)
+    only = {"tone": 1.0, "measure": 1.0}
+    parts = only | {f"{effect} {level}": 4.0 for one in COMBINATIONS for effect, level in one}
+    monkeypatch.setattr(everything, "EFFECTS", tuple(effect for effect in EFFECTS if effect.name == "tone"))
+    monkeypatch.setattr(everything, "parts_ms", lambda viewing, rounds, done: parts)
     monkeypatch.setattr(
-        everything, "errors_of_combinations", lambda stage, done: {one: errors(1.0) for one in COMBINATIONS}
+        everything, "errors_of_combinations", lambda viewing, done: {one: errors(1.0) for one in COMBINATIONS}
     )
-    monkeypatch.setattr(Stage, "tinted", np.full((3, 26, 24), 0.5, np.float32))
     told: list[str] = []
     found = everything.run(Effort(("bright room", "candle room"), SMALL, (SMALL, LARGE), 1), 0, told.append)
+    variants = list(everything.EFFECTS[0].variants())
     assert [(row.setting, row.scene) for row in found.rows] == [
-        (encoding.value, name) for name in ("bright room", "candle room") for encoding in Encoding
+        (name, scene) for scene in ("bright room", "candle room") for name in variants
     ]
     assert [whole.combination for whole in found.wholes] == list(COMBINATIONS) * 2
-    assert found.wholes[0].milliseconds == {SMALL: 4.0, LARGE: 4.0}
-    assert found.wholes[-1].milliseconds[LARGE] == 13.0
-    assert len(told) == 2 * (len(Encoding) + 1)
+    assert found.wholes[0].milliseconds == {SMALL: 2.0, LARGE: 2.0}
+    assert found.wholes[-1].milliseconds[LARGE] == 14.0
+    assert len(told) == 2 * (len(variants) + 1)
 
 
 def test_calibrating_keeps_a_figure_for_every_level(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(calibration, "SIZES", (SMALL,))
     monkeypatch.setattr(calibration, "SCENE", "bright room")
-    monkeypatch.setattr(calibration, "EFFECTS", {"tone": EFFECTS["tone"]})
     monkeypatch.setattr("entoptic.services.commands.cost.cache_folder", lambda: tmp_path)
     result = CliRunner().invoke(command, ["--calibrate", "--quick"])
     assert result.exit_code == 0, result.output
@@ -178,9 +179,10 @@ def test_calibrating_keeps_a_figure_for_every_level(tmp_path: Path, monkeypatch:
 
 
 def test_every_level_of_the_cost_model_is_timed() -> None:
-    """So that none keeps its shipped figure, but the glare reference and planning."""
+    """So that none keeps its shipped figure, but the glare reference, a person's own curve, and planning."""
     known = {(effect, level) for effect, levels in SHIPPED.costs.items() for level in levels}
-    assert known - set(calibration.calls(Stage(scene("bright room", *SMALL)))) == {
+    assert known - set(calibration.calls(SceneViewing(scene("bright room", *SMALL), exact=False))) == {
         ("glare", "reference"),
+        ("tone", "curve"),
         ("plan", "whole"),
     }

@@ -6,7 +6,6 @@ fit.py         LUI's fast fit, on whole frames
 tiles.py       the same on the dark parts alone
 larson.py      what an eye resolves at a luminance
 krawczyk.py    a blur as wide as that asks for
-reference.py   the true two-dimensional filter, for both widths
 bounds.py      the most that a skip changes, and what a change before acuity becomes
 fast_math.py   cube root, exponential and arc tangent at a fraction of their price
 """
@@ -26,11 +25,11 @@ from entoptic.pipeline.effects.acuity.bounds import dark_tiles, limit_cd_m2, pro
 from entoptic.pipeline.effects.acuity.cielab import EPSILON, KAPPA, WHITE_CD_M2, lightness, luminance_of
 from entoptic.pipeline.effects.acuity.fit import LIMIT_CD_M2, RADIUS_PX, dark_acuity
 from entoptic.pipeline.effects.acuity.krawczyk import krawczyk_acuity
-from entoptic.pipeline.effects.acuity.reference import reference_acuity
 from entoptic.pipeline.effects.acuity.settings import Acuity, AcuityMethod
 from entoptic.pipeline.effects.acuity.tiles import dark_acuity_of_tiles
 from entoptic.pipeline.effects.effect import Cost, Domain, Effect, Picture, TileChanges, TileRanges
 from entoptic.pipeline.frame import FrameError
+from entoptic.pipeline.oracles.acuity import reference_acuity
 from entoptic.pipeline.ranges import Change
 from entoptic.pipeline.words import darkness
 
@@ -127,7 +126,10 @@ class AcuityEffect(Effect[Acuity, None]):
         return f"{darkness(eye.measured, 0.01)}{sharp}"
 
     def oracle(self, picture: Picture, eye: EyeContext, settings: Acuity) -> NDArray[np.float64]:
-        raise SystemError
+        return reference_acuity(np.asarray(picture.image, np.float64), eye.view.ppd_centre, settings)[0]
+
+    def accuracy(self, settings: Acuity) -> float:
+        return 0.01
 
     def variants(self) -> Mapping[str, Acuity]:
         return {

@@ -1,7 +1,7 @@
 """The most that acuity changes a tile's pixels, and what it makes of a change that came before it.
 
 Both rest on this: what a pixel is blurred to lies between the least and the largest lightness in reach, and the
-luminance it changes by is added to all channels alike. In float64; lightness and luminance as in reference.py.
+luminance it changes by is added to all channels alike. In float64; lightness and luminance are CIELAB's.
 """
 
 from __future__ import annotations
@@ -13,9 +13,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from entoptic.pipeline.effects.acuity import fit, krawczyk, larson
-from entoptic.pipeline.effects.acuity.reference import REACH, lightness, luminance_of
+from entoptic.pipeline.effects.acuity.cielab import EPSILON, KAPPA, LINEAR_END, WHITE_CD_M2
 from entoptic.pipeline.effects.acuity.settings import Acuity, AcuityMethod
 from entoptic.pipeline.frame import LUMINANCE_WEIGHTS
+from entoptic.pipeline.oracles.acuity import REACH
 from entoptic.pipeline.ranges import Change, Range
 from entoptic.pipeline.ranges import around as change_around
 
@@ -133,3 +134,15 @@ def _reach_px(range_: Range, pixels_per_deg: float, settings: Acuity) -> int:
         return REACH if settings.reference else fit.RADIUS_PX
     widest = float(larson.variance_px2(range_.low[3].min(), pixels_per_deg, settings.display_limit))
     return max(krawczyk.reach_px(widest), math.ceil(REACH * math.sqrt(widest)))
+
+
+def lightness(y_cd_m2: Reals) -> Reals:
+    """L* of CIELAB."""
+    relative = y_cd_m2 / WHITE_CD_M2
+    return np.where(relative > EPSILON, 116 * np.cbrt(relative) - 16, KAPPA * relative)
+
+
+def luminance_of(lightness_: Reals) -> Reals:
+    """The luminance in cd/m² of an L*."""
+    root = (lightness_ + 16) / 116
+    return WHITE_CD_M2 * np.where(lightness_ > LINEAR_END, root * root * root, lightness_ / KAPPA)

@@ -34,6 +34,7 @@ from entoptic.pipeline.effects.adaptation.settings import GAZE_SD_DEG, Adaptatio
 from entoptic.pipeline.effects.adaptation.state import Adapted, begin, exposure, step
 from entoptic.pipeline.effects.adaptation.targets import FLOOR_CD_M2, target_cd_m2
 from entoptic.pipeline.effects.effect import Cost, Domain, Effect, Picture, TileChanges, TileRanges
+from entoptic.pipeline.oracles import adaptation as oracle
 from entoptic.pipeline.ranges import Change
 from entoptic.pipeline.words import of_each_eye
 
@@ -103,7 +104,10 @@ class AdaptationEffect(Effect[Adaptation, None]):
         return self.required([eye], settings)
 
     def oracle(self, picture: Picture, eye: EyeContext, settings: Adaptation) -> NDArray[np.float64]:
-        raise SystemError
+        true_cd_m2 = oracle.target_of(np.asarray(eye.frame.rgb_cd_m2[eye.image], np.float64), eye, settings)
+        # A wrong target is a wrong exposure.
+        wrong = oracle.exposure(true_cd_m2) / oracle.exposure(eye.adapted.target_cd_m2)
+        return np.asarray(picture.image[0], np.float64) * wrong
 
     def variants(self) -> Mapping[str, Adaptation]:
         return {target.value: Adaptation(target=target) for target in Target} | {"lui, robust": Adaptation(robust=True)}

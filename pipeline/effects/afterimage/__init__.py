@@ -95,7 +95,11 @@ class AfterimageEffect(Effect[Afterimage, Retina]):
         return "what the retina keeps of what was seen before"
 
     def oracle(self, picture: Picture, eye: EyeContext, settings: Afterimage) -> NDArray[np.float64]:
-        raise SystemError
+        from entoptic.pipeline.oracles.afterimage import shown
+
+        retina = eye.memory[self.name]
+        displayed, bleached = (np.asarray(one, np.float64) for one in (picture.image[0], retina.bleached))
+        return shown(displayed, bleached, retina.exposure, eye.view, eye.gaze_px)
 
     def variants(self) -> Mapping[str, Afterimage]:
         return {f"{cell_deg:g}° cells": Afterimage(on=True, cell_deg=cell_deg) for cell_deg in (0.75, 1.5, 3.0)}

@@ -8,7 +8,6 @@ window.py     the kernel for all light in the gaze window or the frame, by FFT (
 sources.py    the kernel for the few brightest pixels
 light_glare.py  lights that the frame's pixels do not show, with spectra of their own (lights.py)
 splat.py      kernels laid down at single pixels
-reference.py  the truth that the others are compared to
 bounds.py     how much all this can change, from the tiles' ranges
 """
 
@@ -27,12 +26,13 @@ from jaxtyping import Array, Float
 from numpy.typing import NDArray
 
 from entoptic.pipeline.effects.effect import SKIPPED, Cost, Domain, Effect, Picture, TileChanges, TileRanges
-from entoptic.pipeline.effects.glare import bounds, convolve, light_glare, reference, sources, veil, window
+from entoptic.pipeline.effects.glare import bounds, convolve, light_glare, sources, veil, window
 from entoptic.pipeline.effects.glare.kernel import Mixture, least_stays
 from entoptic.pipeline.effects.glare.models import GlareModel, mixture
 from entoptic.pipeline.effects.glare.settings import Glare, GlareLevel
 from entoptic.pipeline.effects.tone import full_cd_m2
 from entoptic.pipeline.measure import MAX_SOURCES, luminance
+from entoptic.pipeline.oracles import glare as glare_oracle
 from entoptic.pipeline.ranges import Change, Range
 from entoptic.pipeline.words import number
 
@@ -158,7 +158,19 @@ class GlareEffect(Effect[Glare, None]):
 
     def oracle(self, picture: Picture, eye: EyeContext, settings: Glare) -> NDArray[np.float64]:
         prepared = self.prepared(eye)
-        return reference.of_eye(picture.image[0], eye, prepared.kernel, prepared.ceiling_cd_m2, settings.model)
+        return glare_oracle.of_kernel(picture.image[0], eye.view, prepared.kernel, prepared.ceiling_cd_m2)
+
+    def truth_of(self, settings: Glare) -> Glare:
+        return msgspec.structs.replace(settings, level=GlareLevel.REFERENCE)
+
+    def accuracy(self, settings: Glare) -> float:
+        return {
+            GlareLevel.VEIL: 0.6,
+            GlareLevel.SOURCES: 0.03,
+            GlareLevel.WINDOW: 0.01,
+            GlareLevel.FRAME: 1e-3,
+            GlareLevel.REFERENCE: 1e-3,
+        }[settings.level]
 
     def variants(self) -> Mapping[str, Glare]:
         levels = {level.value: Glare(level=level) for level in (Glare().level, *GlareLevel) if level != "reference"}
@@ -183,7 +195,7 @@ def scatter(
     view, kernel, ceiling = eye.view, prepared.kernel, prepared.ceiling_cd_m2
     if level is GlareLevel.REFERENCE:
         return _with_lights(
-            jnp.asarray(reference.of_eye(rgb, eye, kernel, ceiling, settings.model), jnp.float32), eye, settings
+            jnp.asarray(glare_oracle.of_eye(rgb, eye, kernel, ceiling, settings.model), jnp.float32), eye, settings
         )
     veiling = rgb if ceiling is None else (rgb * convolve.spill_share(luminance(rgb), ceiling)).astype(jnp.float32)
     result = veil.veil_change(veiling, view, kernel, onto=rgb)

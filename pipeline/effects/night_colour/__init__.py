@@ -22,6 +22,7 @@ from entoptic.pipeline.effects.night_colour.settings import NightColour, NightMe
 from entoptic.pipeline.effects.night_colour.share import adapted_share
 from entoptic.pipeline.effects.night_colour.shift import night_tint, shift
 from entoptic.pipeline.effects.night_colour.tints import TINT
+from entoptic.pipeline.oracles import night_colour as oracle
 from entoptic.pipeline.ranges import Change
 from entoptic.pipeline.words import darkness
 
@@ -80,7 +81,8 @@ class NightColourEffect(Effect[NightColour, None]):
         return f"adapted to {eye.adapted_cd_m2:.3g} cd/m², rods carry {rods:.2g} of vision"
 
     def oracle(self, picture: Picture, eye: EyeContext, settings: NightColour) -> NDArray[np.float64]:
-        raise SystemError
+        displayed, scene = (np.asarray(one[0], np.float64) for one in (picture.image, picture.scene))
+        return oracle.shifted(displayed, scene, eye.adapted_cd_m2, settings)
 
     def variants(self) -> Mapping[str, NightColour]:
         return {method.value: NightColour(method=method) for method in NightMethod} | {

@@ -30,6 +30,7 @@ from entoptic.pipeline.effects.tone.filmic import (
 )
 from entoptic.pipeline.effects.tone.settings import Hue, Operator, Tone
 from entoptic.pipeline.effects.tone.show import full_cd_m2, show
+from entoptic.pipeline.oracles import operators
 from entoptic.pipeline.ranges import Change, Range
 
 __all__ = [
@@ -100,7 +101,8 @@ class ToneEffect(Effect[Tone, None]):
         return self.required([eye], settings)
 
     def oracle(self, picture: Picture, eye: EyeContext, settings: Tone) -> NDArray[np.float64]:
-        raise SystemError
+        rgb = np.asarray(picture.image[0], np.float64)
+        return operators.shown(rgb, eye.adapted_cd_m2, settings, eye.display)
 
     def variants(self) -> Mapping[str, Tone]:
         return {

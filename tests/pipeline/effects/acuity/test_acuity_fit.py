@@ -8,7 +8,7 @@ import pytest
 
 from entoptic.pipeline import FrameError
 from entoptic.pipeline.effects.acuity import LIMIT_CD_M2, Acuity, dark_acuity, reduce_acuity
-from entoptic.pipeline.effects.acuity.reference import lightness, luminance_of
+from entoptic.pipeline.oracles.acuity import lightness, luminance_of
 
 Y = np.array([0.2126, 0.7152, 0.0722])
 

@@ -4,7 +4,8 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from entoptic.pipeline.effects.acuity import Acuity, AcuityMethod, krawczyk, larson, reduce_acuity, reference
+from entoptic.pipeline.effects.acuity import Acuity, AcuityMethod, krawczyk, larson, reduce_acuity
+from entoptic.pipeline.oracles import acuity as oracle
 
 KRAWCZYK = Acuity(AcuityMethod.KRAWCZYK)
 TRUE = Acuity(AcuityMethod.KRAWCZYK, reference=True)
@@ -49,7 +50,7 @@ def scene(kind: str) -> np.ndarray:
 def test_it_does_what_the_true_filter_does(kind: str, within: float, ppd: float) -> None:
     frame = grey(scene(kind))
     ours = np.asarray(reduce_acuity(jnp.asarray(frame), ppd, KRAWCZYK), np.float64) - frame
-    true = reference.reference_acuity(frame, ppd, TRUE) - frame
+    true = oracle.reference_acuity(frame, ppd, TRUE) - frame
     assert np.linalg.norm(ours - true) <= within * np.linalg.norm(true)
 
 

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 from entoptic.pipeline.cost import scenes
-from entoptic.pipeline.cost.plain import acuity, adaptation, glare, night_colour, tone, whole
 from entoptic.pipeline.effects import acuity as own_acuity
 from entoptic.pipeline.effects import adaptation as own_adaptation
 from entoptic.pipeline.effects import night_colour as own_night_colour
@@ -16,10 +15,11 @@ from entoptic.pipeline.effects import tone as own_tone
 from entoptic.pipeline.effects.encode import srgb_codes
 from entoptic.pipeline.effects.glare.kernel import component
 from entoptic.pipeline.effects.glare.models import GlareModel, mixture
-from entoptic.pipeline.effects.glare.reference import of_mixture, reference_glare
 from entoptic.pipeline.frame import View
 from entoptic.pipeline.observer import Observer
 from entoptic.pipeline.optics.aperture import Pose
+from entoptic.pipeline.oracles import acuity, adaptation, chain, glare_fft, night_colour, tone
+from entoptic.pipeline.oracles.glare import of_mixture, reference_glare
 
 VIEW = View(40, 36, 60.0)
 
@@ -88,7 +88,7 @@ class TestGlare:
         kernel = ((component(spot, None, 0.0), 1.0),)
         point = np.zeros((3, 36, 40))
         point[1, 20, 11] = 8.0
-        seen = glare.prepare(VIEW, kernel)(point)
+        seen = glare_fft.prepare(VIEW, kernel)(point)
         np.testing.assert_allclose(seen[1, 19:22, 10:13], 8 * spot, atol=1e-6)
         assert abs(seen).sum() == pytest.approx(8.0, rel=1e-6)
 
@@ -97,7 +97,7 @@ class TestGlare:
         frame = scenes.lamps_over_dark(8).frame
         kernel = mixture(GlareModel.CIE, Observer(), Pose(5.0), 1.0, frame.view.ppd_centre)
         rgb = np.asarray(frame.rgb_cd_m2[0], np.float64)
-        plain = glare.prepare(frame.view, kernel)(rgb)
+        plain = glare_fft.prepare(frame.view, kernel)(rgb)
         truth = reference_glare(rgb, frame.view, *of_mixture(kernel))
         assert np.linalg.norm(plain - truth) < 1e-4 * np.linalg.norm(truth)
         assert np.median(np.abs(plain / truth - 1)) < 0.01
@@ -111,7 +111,7 @@ def test_the_programs_effects_in_a_row_are_the_plain_ones() -> None:
     shown = own_tone.aces(image, jnp.asarray([own_adaptation.exposure(adapted)]), 100.0)
     shown = own_night_colour.night_tint(shown, jnp.asarray([own_adaptation.rod_sensitivity(adapted)]))
     ours = np.asarray(srgb_codes(shown, 0.0))[0]
-    codes, milliseconds = whole.perceived(scene.frame.rgb_cd_m2[0], scene.frame.view, lambda rgb: rgb)
+    codes, milliseconds = chain.perceived(scene.frame.rgb_cd_m2[0], scene.frame.view, lambda rgb: rgb)
     assert list(milliseconds) == ["adaptation", "glare", "acuity", "tone", "night_colour", "encode"]
     difference = np.abs(codes.astype(int) - ours.astype(int))
     assert difference.max() <= 1

@@ -5,7 +5,10 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from entoptic.pipeline.cost.plain.adaptation import luminance, rod_share
+from entoptic.pipeline import mesopic
+from entoptic.pipeline.effects.night_colour.settings import NightColour, NightMethod
+from entoptic.pipeline.effects.night_colour.tints import tint, weights
+from entoptic.pipeline.oracles.adaptation import luminance, rod_share
 
 Reals = NDArray[np.float64]
 
@@ -16,19 +19,32 @@ RGB_TO_XYZ = np.array([[0.4124564, 0.3575761, 0.1804375], [0.2126, 0.7152, 0.072
 """ITU-R BT.709, white D65; its second row as everywhere here."""
 
 
+def shifted(displayed: Reals, scene: Reals, adapted_cd_m2: float, settings: NightColour) -> Reals:
+    """A displayed frame by these settings; `scene` is the same in cd/m², for shares of each pixel's own."""
+    method = settings.method
+    rods: float | Reals
+    if settings.per_pixel:
+        y = np.maximum(luminance(scene), 0)
+        rods = 1 - _cones_bar(y) if method is NightMethod.BAR else 0.04 / (0.04 + y)
+    elif settings.mesopic:
+        rods = mesopic.rod_share(adapted_cd_m2)
+    else:
+        rods = 1 - float(_cones_bar(np.array(adapted_cd_m2))) if method is NightMethod.BAR else rod_share(adapted_cd_m2)
+    if method is NightMethod.KRI_XY:
+        return kri_xy(displayed, rods)
+    colour = {NightMethod.LUI: TINT, NightMethod.KRI_RGB: KRI_TINT, NightMethod.BAR: (1.0, 1.0, 1.0)}
+    if method is NightMethod.RODS:
+        return towards(displayed, tint(method, adapted_cd_m2), rods, weights(method))
+    return towards(displayed, np.array(colour[method]), rods)
+
+
 def night_tint(displayed: Reals, adapted_cd_m2: float) -> Reals:
     """LUI 5.18: a displayed frame blended towards tinted grey by the rods' share."""
     return towards(displayed, np.array(TINT), rod_share(adapted_cd_m2))
 
 
-def kri_rgb(displayed: Reals, adapted_cd_m2: float) -> Reals:
-    """KRI 4.29."""
-    return towards(displayed, np.array(KRI_TINT), rod_share(adapted_cd_m2))
-
-
-def kri_xy(displayed: Reals, adapted_cd_m2: float) -> Reals:
+def kri_xy(displayed: Reals, rods: float | Reals) -> Reals:
     """KRI 4.28: chromaticity blended, luminance kept."""
-    rods = rod_share(adapted_cd_m2)
     xyz = np.einsum("oi,iyx->oyx", RGB_TO_XYZ, displayed)
     with np.errstate(divide="ignore", invalid="ignore"):
         x, y = xyz[0] / xyz.sum(axis=0), xyz[1] / xyz.sum(axis=0)
@@ -38,10 +54,9 @@ def kri_xy(displayed: Reals, adapted_cd_m2: float) -> Reals:
     return np.asarray(np.where(xyz[1] > 0, back, 0))
 
 
-def bar(displayed: Reals, adapted_cd_m2: float) -> Reals:
-    """BAR 11–12: colours pale."""
-    cones = 1.0 if adapted_cd_m2 > 3 else 0.069 / (0.069 + 1.409 * np.exp(-4.267 * adapted_cd_m2))
-    return towards(displayed, np.ones(3), 1 - cones)
+def _cones_bar(adapted_cd_m2: Reals) -> Reals:
+    """σ of BAR 11: colours pale."""
+    return np.where(adapted_cd_m2 > 3, 1.0, 0.069 / (0.069 + 1.409 * np.exp(-4.267 * adapted_cd_m2)))
 
 
 def towards(

@@ -44,15 +44,24 @@ Reals = NDArray[np.float64]
 
 def of_eye(rgb: ArrayLike, eye: EyeContext, kernel: Mixture, ceiling_cd_m2: float | None, model: GlareModel) -> Reals:
     """One eye's image in cd/m² with glare; in wave optics with an FFT in float64 for each wavelength: minutes."""
-    values = np.asarray(rgb, np.float64)
-    light = values
-    if ceiling_cd_m2 is not None:
-        luminance = np.einsum("c,cyx->yx", LUMINANCE_WEIGHTS, values)
-        light = values * convolve.spill_share(luminance, ceiling_cd_m2)
-    if model is GlareModel.WAVE:
-        fresh, wide, share = models.reference_kernel(eye.observer, eye.aperture, eye.view.ppd_centre)
-        return values + reference_change(light, eye.view, fresh, [(wide, share)])
-    return values + reference_change(light, eye.view, *of_mixture(kernel))
+    if model is not GlareModel.WAVE:
+        return of_kernel(rgb, eye.view, kernel, ceiling_cd_m2)
+    fresh, wide, share = models.reference_kernel(eye.observer, eye.aperture, eye.view.ppd_centre)
+    return np.asarray(rgb, np.float64) + reference_change(_light(rgb, ceiling_cd_m2), eye.view, fresh, [(wide, share)])
+
+
+def of_kernel(rgb: ArrayLike, view: View, kernel: Mixture, ceiling_cd_m2: float | None) -> Reals:
+    """One image in cd/m² with the glare of a prepared kernel."""
+    return np.asarray(rgb, np.float64) + reference_change(_light(rgb, ceiling_cd_m2), view, *of_mixture(kernel))
+
+
+def _light(rgb: ArrayLike, ceiling_cd_m2: float | None) -> Reals:
+    """What scatters: above a ceiling, what is above it."""
+    light = np.asarray(rgb, np.float64)
+    if ceiling_cd_m2 is None:
+        return light
+    luminance = np.einsum("c,cyx->yx", LUMINANCE_WEIGHTS, light)
+    return np.asarray(light * convolve.spill_share(luminance, ceiling_cd_m2))
 
 
 def of_mixture(mixture: Mixture) -> tuple[Reals, list[tuple[Veil, float]]]:

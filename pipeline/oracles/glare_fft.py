@@ -16,9 +16,9 @@ from numpy.typing import NDArray
 from scipy.interpolate import RectBivariateSpline
 
 from entoptic.pipeline.effects.glare.kernel import Mixture
-from entoptic.pipeline.effects.glare.reference import of_mixture, pixel_solid_angles
 from entoptic.pipeline.frame import View
 from entoptic.pipeline.optics import radial
+from entoptic.pipeline.oracles.glare import of_mixture, pixel_solid_angles
 
 Reals = NDArray[np.float64]
 
@@ -28,7 +28,7 @@ WORKERS = os.cpu_count() or 1
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
-class PlainGlare:
+class PreparedFft:
     """A kernel as prepared for one view."""
 
     view: View
@@ -63,7 +63,7 @@ class PlainGlare:
         return np.stack([RectBivariateSpline(rows, columns, one, kx=ends[0], ky=ends[1])(y, x) for one in low])
 
 
-def prepare(view: View, kernel: Mixture) -> PlainGlare:
+def prepare(view: View, kernel: Mixture) -> PreparedFft:
     """A kernel for frames of this view."""
     whole, veils = of_mixture(kernel)
     taken = sum(share for _, share in veils)
@@ -88,7 +88,7 @@ def prepare(view: View, kernel: Mixture) -> PlainGlare:
     for wide, share in veils:
         carries[near] += share / radial.hemisphere_volume(wide.density) * wide.density(deg[near])
     transform = scipy.fft.rfft2(at_origin, workers=WORKERS)
-    return PlainGlare(view, size, transform, side, carries, pixel_solid_angles(view))
+    return PreparedFft(view, size, transform, side, carries, pixel_solid_angles(view))
 
 
 def _middles(size: int, side: int) -> Reals:

@@ -8,8 +8,8 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from entoptic.pipeline.cost.plain import acuity, adaptation, night_colour, tone
 from entoptic.pipeline.frame import Display, View
+from entoptic.pipeline.oracles import acuity, adaptation, night_colour, tone
 
 Reals = NDArray[np.float64]
 
@@ -19,7 +19,7 @@ def perceived(
 ) -> tuple[NDArray[np.uint8], dict[str, float]]:
     """An image (3, y, x) as code values (y, x, 3), seen straight ahead by an adapted eye; and each effect's ms.
 
-    `glare` is a plain.glare.PlainGlare, or the identity.
+    `glare` is a plain.glare.PreparedFft, or the identity.
     """
     milliseconds: dict[str, float] = {}
 

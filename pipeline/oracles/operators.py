@@ -11,15 +11,40 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import PchipInterpolator
 
-from entoptic.pipeline.cost.plain import adaptation, tone
-from entoptic.pipeline.cost.plain.adaptation import luminance
-from entoptic.pipeline.cost.plain.night_colour import RGB_TO_XYZ
+from entoptic.pipeline.effects.tone.settings import Hue, Operator, Tone
+from entoptic.pipeline.frame import Display
+from entoptic.pipeline.oracles import adaptation, tone
+from entoptic.pipeline.oracles.adaptation import luminance
+from entoptic.pipeline.oracles.night_colour import RGB_TO_XYZ
 from entoptic.pipeline.threshold import cone_threshold_cd_m2, rod_threshold_cd_m2, threshold_cd_m2
 
 Reals = NDArray[np.float64]
 
 PEAK_CD_M2 = tone.REFERENCE_PEAK_CD_M2
 X_WEIGHTS, _, Z_WEIGHTS = RGB_TO_XYZ
+
+
+def shown(rgb: Reals, adapted_cd_m2: float, settings: Tone, display: Display) -> Reals:
+    """An image in cd/m² as the display shows it, by these settings.
+
+    Displays of another peak than the reference's with ACES alone.
+    """
+    if settings.operator is Operator.ACES and settings.hue is Hue.CLIP:
+        return tone.aces(rgb, adaptation.exposure(adapted_cd_m2), display.peak_cd_m2)
+    rgb = np.maximum(rgb, 0)
+    match settings.operator:
+        case Operator.ACES:
+            mapped = filmic(rgb, adapted_cd_m2)
+        case Operator.REINHARD:
+            mapped = reinhard(rgb, adapted_cd_m2, settings.white)
+        case Operator.WARD:
+            mapped = ward(rgb, adapted_cd_m2)
+        case Operator.DURAND:
+            mapped = durand(rgb, adapted_cd_m2)
+        case Operator.CURVE:
+            log10, shares = np.loadtxt(settings.curve, delimiter=",", skiprows=1, unpack=True)
+            mapped = own_curve(rgb, adapted_cd_m2, log10.tolist(), shares.tolist())
+    return {Hue.CLIP: clipped, Hue.RGB: divided, Hue.XYY: same_chromaticity}[settings.hue](mapped)
 
 
 def filmic(rgb: Reals, adapted_cd_m2: float) -> Reals:
