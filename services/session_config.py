@@ -10,13 +10,12 @@ import msgspec
 from msgspec.structs import replace
 
 from entoptic.pipeline import View
-from entoptic.pipeline.effects.tone.own_curve import read_curve
 from entoptic.pipeline.scenes import Scene, open_scene
 from entoptic.pipeline.scenes.head_path import open_head_path
 from entoptic.services.config import Eyes, EyesConfig, ViewConfig
 from entoptic.services.eye_data import open_eyes
 from entoptic.services.process_config import WorkerLinks
-from entoptic.services.settings import Settings
+from entoptic.services.settings import Settings, check
 from entoptic.tracker_bridge import pupil_map
 from entoptic.tracker_bridge.source import Source
 from entoptic.tracker_bridge.wire import Eye
@@ -66,8 +65,7 @@ def open_session(config: SessionConfig) -> OpenedSession:
 
     Raises SourceError, FrameError, SettingsError or PupilMapError, each one line that names the thing and the remedy.
     """
-    if config.settings.tone.curve:
-        read_curve(config.settings.tone.curve)
+    check(config.settings)
     scene, view = open_view(config.view)
     open_head_path(view.head)
     if config.eyes.pupil_map is not None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import difflib
 import enum
+import operator
 import re
 from collections.abc import Mapping
 from pathlib import Path
@@ -13,7 +14,7 @@ import msgspec
 
 from entoptic.atomic_file import output_errors, write_bytes
 from entoptic.errors import EntopticError
-from entoptic.pipeline import OPTIONAL, Display, Effects, Observer, Planning
+from entoptic.pipeline import EFFECTS, OPTIONAL, Display, Effects, Observer, Planning
 from entoptic.services.config import ObserverConfig, SettingsConfig
 from entoptic.services.records import leaves
 
@@ -117,6 +118,19 @@ def of(config: ObserverConfig, own: Settings | None = None) -> Settings:
         raise SettingsError(
             f"--budget-ms, --everything, --without: {error}; effects are {', '.join(OPTIONAL)}"
         ) from None
+
+
+def check(settings: Settings) -> None:
+    """Raises FrameError where a file that the settings name cannot be used."""
+    for effect in EFFECTS:
+        effect.check(effect.settings_of(settings))
+
+
+def files_of(settings: Settings) -> dict[str, tuple[str, str]]:
+    """The files that settings name, by what they are: each with the setting's path, and its own."""
+    named = {leaf.extra["file"]: leaf.path for leaf in leaves(Settings) if "file" in leaf.extra}
+    found = {what: (path, operator.attrgetter(path)(settings)) for what, path in named.items()}
+    return {what: (path, file) for what, (path, file) in found.items() if file}
 
 
 def changed(settings: Settings, changes: Mapping[str, Any], *, from_defaults: bool = False) -> Settings:

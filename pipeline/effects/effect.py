@@ -113,6 +113,10 @@ class Effect(abc.ABC, Generic[SettingsT, MemoryT]):
         """Whether the settings ask for it at all."""
         return True
 
+    def check(self, settings: SettingsT) -> None:
+        """Raises FrameError where a file that the settings name cannot be used."""
+        return
+
     @abc.abstractmethod
     def full_level(self, settings: SettingsT) -> str:
         """What its level is called where nothing of it is left out."""

@@ -15,6 +15,7 @@ import msgspec
 from entoptic.atomic_file import write_json
 from entoptic.errors import EntopticError
 from entoptic.services.session_config import OpenedSession, SessionConfig
+from entoptic.services.settings import files_of
 
 FILE: Final = "session.json"
 INPUTS: Final = "inputs"
@@ -30,7 +31,7 @@ class Input(msgspec.Struct, frozen=True):
     """One file, or one folder of files, that a session needs."""
 
     what: str
-    """scene, table map, head, tone curve or pupil map."""
+    """scene, table map, head, pupil map, or what a setting's file is."""
     path: str
     """Where it was, in full."""
     kept: str | None
@@ -141,8 +142,8 @@ def inputs_of(config: SessionConfig) -> dict[str, Path]:
         "scene": config.view.scene,
         "table map": config.eyes.table_map,
         "head": config.view.head,
-        "tone curve": config.settings.tone.curve,
         "pupil map": config.eyes.pupil_map,
+        **{what: file for what, (_, file) in files_of(config.settings).items()},
     }
     return {what: Path(name) for what, name in named.items() if name and Path(name).exists()}
 

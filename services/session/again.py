@@ -6,7 +6,6 @@ import contextlib
 import shutil
 from pathlib import Path
 
-from msgspec.structs import replace
 from rich.console import Console
 from rich.markup import escape
 
@@ -25,7 +24,7 @@ from entoptic.services.results.render_log import FrameRecord, Perceive, RenderLo
 from entoptic.services.results.session_file import SessionFile
 from entoptic.services.session.watch import SessionError, Work, watch
 from entoptic.services.session_config import view_of
-from entoptic.services.settings import Settings
+from entoptic.services.settings import Settings, changed, files_of
 
 TABLES = ("states.csv", "events.csv", BRIDGE, session_file.FILE, "settings.toml")
 """What the frames change nothing in."""
@@ -117,7 +116,5 @@ def _path(what: str, named: str, session: SessionFile | None, folder: Path) -> s
 
 def _here(perception: Settings, session: SessionFile | None, folder: Path) -> Settings:
     """Settings whose files are the session's copies."""
-    if not perception.tone.curve:
-        return perception
-    curve = _path("tone curve", perception.tone.curve, session, folder)
-    return replace(perception, tone=replace(perception.tone, curve=curve))
+    named = files_of(perception).items()
+    return changed(perception, {path: _path(what, file, session, folder) for what, (path, file) in named})

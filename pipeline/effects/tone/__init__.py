@@ -28,6 +28,7 @@ from entoptic.pipeline.effects.tone.filmic import (
     ceiling_cd_m2,
     display_scale,
 )
+from entoptic.pipeline.effects.tone.own_curve import read_curve
 from entoptic.pipeline.effects.tone.settings import Hue, Operator, Tone
 from entoptic.pipeline.effects.tone.show import full_cd_m2, show
 from entoptic.pipeline.oracles import operators
@@ -70,6 +71,10 @@ class ToneEffect(Effect[Tone, None]):
         "durand": Cost(0.3, 10.5),
         "curve": Cost(0.3, 10.5),
     }
+
+    def check(self, settings: Tone) -> None:
+        if settings.curve:
+            read_curve(settings.curve)
 
     def full_level(self, settings: Tone) -> str:
         return settings.operator.value

@@ -54,7 +54,10 @@ class Tone(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         ),
     ] = 2.0
     curve: Annotated[
-        str, described("File of `curve`: CSV whose header is `log10_cd_m2,share` or `log10_of_adapted,share`.")
+        str,
+        described(
+            "File of `curve`: CSV whose header is `log10_cd_m2,share` or `log10_of_adapted,share`.", file="tone curve"
+        ),
     ] = ""
 
     def __post_init__(self) -> None:
