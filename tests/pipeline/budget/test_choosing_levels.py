@@ -57,6 +57,8 @@ def test_no_combination_is_better(drawn: list[tuple[Option, ...]], budget_ms: fl
 def test_without_a_budget_each_effect_takes_its_cheapest_level_within_the_tolerance() -> None:
     assert choose(LADDER) == {"glare": "window", "acuity": "dark tiles", "tone": "aces"}
     assert choose(LADDER, tolerance_code_values=4.0) == {"glare": "window", "acuity": "skipped", "tone": "aces"}
+    assert (counted_error(0.5), counted_error(0.501), counted_error(3.0, 3.0)) == (0, 0.501, 0)
+    assert choose({"a": (Option("skipped", 0.5, 0.0), Option("all", 0.0, 1.0))}) == {"a": "skipped"}
     assert choose(LADDER, tolerance_code_values=0.0) == {"glare": "frame", "acuity": "all", "tone": "aces"}
 
 

@@ -10,7 +10,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from entoptic.pipeline.observer import Observer, OcularDynamics
-from entoptic.pipeline.optics import ocular_dynamics
 from entoptic.pipeline.optics.aperture import Pose
 from entoptic.pipeline.optics.ocular_dynamics import OcularState, SaccadeImpulse, at_rest, pose_of, step
 
@@ -198,9 +197,3 @@ def test_a_pupil_that_changes_does_not_make_hippus_jump() -> None:
     state = step(state, observer, 1e-3, 3.001)
     other = pose_of(state, observer, 3.001, 1.0, False).pupil_mm
     assert abs(other - one) < 0.005
-
-
-def test_living_says_which_files_it_is_made_of() -> None:
-    assert ocular_dynamics.__doc__ is not None
-    for name in ("microfluctuations", "lens_springs", "vitreous_motion", "value_noise", "damped"):
-        assert f"{name}.py" in ocular_dynamics.__doc__
