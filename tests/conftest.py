@@ -37,12 +37,36 @@ def _logs_end_with_their_test() -> Iterator[None]:
     structlog.reset_defaults()
 
 
+MUCH_BYTES = 1_200_000_000
+"""A worker that holds more gives back what it can."""
+
+
 @pytest.fixture(scope="module", autouse=True)
 def _compiled_code_ends_with_its_module() -> Iterator[None]:
     """What JAX compiled is kept on disk; in memory it would add up to gigabytes over a worker's modules."""
     yield
-    if "jax" in sys.modules:
-        sys.modules["jax"].clear_caches()
-        gc.collect()
-        if sys.platform == "linux":
-            ctypes.CDLL(None).malloc_trim(0)  # glibc keeps what was freed
+    _give_memory_back()
+
+
+@pytest.fixture(autouse=True)
+def _no_test_leaves_much_memory_behind() -> Iterator[None]:
+    yield
+    if sys.platform == "linux":
+        pages = int(Path("/proc/self/statm").read_text().split()[1])
+        if pages * os.sysconf("SC_PAGESIZE") > MUCH_BYTES:
+            _give_memory_back()
+
+
+def _give_memory_back() -> None:
+    if "jax" not in sys.modules:
+        return
+    sys.modules["jax"].clear_caches()
+    gc.collect()
+    if sys.platform == "linux":
+        ctypes.CDLL(None).malloc_trim(0)  # glibc keeps what was freed
+
+
+@pytest.hookimpl(optionalhook=True)
+def pytest_xdist_auto_num_workers() -> int:
+    """One more than there are cores: many tests wait for a process, a socket or a clock."""
+    return len(os.sched_getaffinity(0) if hasattr(os, "sched_getaffinity") else range(os.cpu_count() or 1)) + 1

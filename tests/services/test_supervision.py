@@ -1,4 +1,5 @@
-from entoptic.services.live.supervision import FIRST_S, LONGEST_S, MOST, WINDOW_S, WORKED_S, Gap, Restarts
+from entoptic.services.ipc.status import Gap
+from entoptic.services.live.supervision import FIRST_S, LONGEST_S, MOST, WINDOW_S, WORKED_S, Restarts
 
 
 def after(*crashes: tuple[float, float, float | None]) -> Restarts:
