@@ -68,6 +68,13 @@ from entoptic.services.console.fields import fields
 from entoptic.services.config import SettingsConfig
 from entoptic.services.settings import SettingsError, load, of
 
+from entoptic.pipeline.cost.everything import measure_effect
+from entoptic.pipeline.cost.scenes import scene
+from entoptic.pipeline.cost.viewing import SceneViewing
+from entoptic.pipeline.cost.whole_frame import COMBINED
+
+toy = next(effect for effect in EFFECTS if effect.name == "dimming")
+rows = measure_effect(toy, SceneViewing(scene("dusk", 24, 26)), 0)
 frame = Frame.from_rgb(np.full((40, 40, 3), 5.0), 40.0)
 seen = perceive(frame, EyePose(pupil_mm=4.0))
 without = perceive(frame, EyePose(pupil_mm=4.0), planning=Planning(leave_out=frozenset({"dimming"})))
@@ -91,6 +98,8 @@ print(json.dumps({
     "option": of(SettingsConfig(changes=("dimming.share=0.75",))).dimming.share,
     "left_out": sorted(of(SettingsConfig(without=("dimming",))).plan.leave_out),
     "unknown": unknown,
+    "cost": {row.setting: [row.errors.relative_l2, row.median_ms] for row in rows},
+    "combined": [effect.name for effect in COMBINED],
 }))
 """
 
@@ -136,6 +145,10 @@ def test_plan_picture_settings_form_and_documents_have_it(checkout: Path) -> Non
     assert found["option"] == 0.75
     assert found["left_out"] == ["dimming"]
     assert "dimming" in found["unknown"]
+    assert list(found["cost"]) == ["skipped", "half", "a third"]
+    assert found["cost"]["skipped"][0] == pytest.approx(1.0)
+    assert found["cost"]["half"][0] < 1e-6 < found["cost"]["half"][1]
+    assert "dimming" in found["combined"]
 
 
 def test_a_session_its_report_and_what_explains_it_have_it(checkout: Path) -> None:
