@@ -2,20 +2,42 @@
 
 from __future__ import annotations
 
+import dataclasses
+import functools
 import math
 import sys
+from collections.abc import Callable, Sequence
 from pathlib import Path
+from unittest import mock
 
+import jax
+import jax.numpy as jnp
 import numpy as np
 from matplotlib.figure import Figure
 
-from benchmarks.adaptation import LAMP_S, RATE_HZ, WAYS, crossing, exposures
 from entoptic.pipeline.effects import adaptation
 from entoptic.pipeline.effects.adaptation import Adaptation, Bleaching, Course, Target, targets
 from entoptic.pipeline.effects.adaptation.pigments import UNBLEACHED, threshold_in_the_dark_cd_m2
+from entoptic.pipeline.frame import Frame, View
+from entoptic.pipeline.measure import Measurement, luminance, measure
+from entoptic.pipeline.scenes.discs import add_discs
 
+VIEW = View(360, 400, 104.0)
+RATE_HZ, LAMP_S = 60, 4.0
+DARK_CD_M2, LAMP_CD_M2, LAMP_RADIUS_DEG = 0.05, 3e4, 0.15
+"""A lamp of 0.3° over a dim street."""
+WAYS = ((Target.LUI, Course.LUI), (Target.BAR_VIEW, Course.BAR))
 HECHT_TD = (263.0, 1810.0, 3800.0, 19500.0, 39400.0, 400000.0)
 """Lights of Hecht, Haig & Chase 1937, before which an eye sat for two minutes."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Seen:
+    """A frame of the lamp's way."""
+
+    tiles: Measurement
+    samples: Measurement
+    """The same with one pixel for each tile, in place of the mean."""
 
 
 def main(folder: Path) -> None:
@@ -99,6 +121,52 @@ def _recovery(bleached: adaptation.Pigments, minutes: np.ndarray, kind: Bleachin
         threshold_in_the_dark_cd_m2(adaptation.step_pigments(bleached, 0.0, 60 * t, kind), kind)
         for t in minutes.tolist()
     ]
+
+
+def crossing(*, blinks: bool) -> list[Seen]:
+    """The lamp from one side to the other, 30° a second; blinking at 5 Hz or not."""
+    seen = []
+    for t_s in np.arange(int(LAMP_S * RATE_HZ)) / RATE_HZ:
+        lit = not blinks or (t_s * 5) % 1 < 0.5
+        frame = _lamp(VIEW)(-60 + 30 * t_s, float(lit))
+        tiles = measure(frame)[0]
+        every = tiles.tile_px
+        samples = np.asarray(luminance(frame.rgb_cd_m2[0]))[every // 2 :: every, every // 2 :: every]
+        seen.append(Seen(tiles, dataclasses.replace(tiles, tile_mean_cd_m2=samples)))
+    return seen
+
+
+@functools.cache
+def _lamp(view: View) -> Callable[[float, float], Frame]:
+    """The lamp over the dark by its azimuth in degrees and its share of light."""
+    dark = jnp.full((3, view.height_px, view.width_px), np.float32(DARK_CD_M2))
+    radius_px = jnp.full(1, LAMP_RADIUS_DEG * view.ppd_centre)
+
+    @jax.jit
+    def draw(x_px: jax.Array, y_px: jax.Array, share: jax.Array) -> jax.Array:
+        return add_discs(dark, x_px[None], y_px[None], radius_px, jnp.full((1, 3), LAMP_CD_M2 * share), 12)
+
+    return lambda azimuth_deg, share: Frame(draw(*view.pixel_of(azimuth_deg, 3.0), share)[None], view)
+
+
+def exposures(
+    frames: Sequence[Seen], how: Adaptation, limit: float | None = None, *, samples: bool = False
+) -> np.ndarray:
+    """log2 of what luminances are multiplied by, frame after frame."""
+    aims = [_target(seen.samples if samples else seen.tiles, how, limit) for seen in frames]
+    eye, stops = adaptation.begin(aims[0], how), []
+    for aim in aims:
+        eye = adaptation.step(eye, aim, 1 / RATE_HZ, how)
+        stops.append(math.log2(adaptation.exposure(eye.luminance_cd_m2)))
+    return np.array(stops)
+
+
+def _target(seen: Measurement, how: Adaptation, limit: float | None) -> float:
+    if limit is None:
+        return adaptation.target_cd_m2(seen, 0.0, 0.0, how)
+    robust = Adaptation(target=how.target, robust=True)
+    with mock.patch.object(targets, "LIMIT", limit):
+        return adaptation.target_cd_m2(seen, 0.0, 0.0, robust)
 
 
 if __name__ == "__main__":

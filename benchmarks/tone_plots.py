@@ -9,7 +9,6 @@ from pathlib import Path
 import numpy as np
 from matplotlib.figure import Figure
 
-from benchmarks.tone import OWN_CURVE, tones
 from entoptic.pipeline import View
 from entoptic.pipeline.effects import tone
 from entoptic.pipeline.effects.encode import srgb_codes
@@ -19,6 +18,8 @@ from entoptic.pipeline.scenes import Head, open_scene
 from entoptic.tracker_bridge.wire import Eye
 
 ADAPTED_CD_M2 = 0.01, 1.0, 100.0
+OWN_CURVE = "log10_of_adapted,share\n-3,0.005\n-1,0.06\n0,0.25\n1,0.6\n2,0.9\n3,1\n"
+"""A person's own."""
 COLOURS = {"aces": "#c8553d", "reinhard": "#2a6fbb", "ward": "#3d8b5f", "durand": "#8a5aa8", "curve": "#777777"}
 
 
@@ -28,6 +29,12 @@ def main(folder: Path) -> None:
         (path := Path(temporary) / "own.csv").write_text(OWN_CURVE)
         _plot_curves(str(path)).savefig(folder / "tone-curves.png", dpi=90)
         _plot_scene(str(path)).savefig(folder / "tone-scene.png", dpi=80)
+
+
+def tones(curve: str) -> dict[str, Tone]:
+    """The operators as a person would set them, by name."""
+    named = {operator.value: Tone(operator, curve=curve if operator is Operator.CURVE else "") for operator in Operator}
+    return named | {f"aces, hue {hue}": Tone(hue=hue) for hue in (Hue.RGB, Hue.XYY)}
 
 
 def _plot_curves(curve: str) -> Figure:

@@ -23,7 +23,7 @@ BLOCK_PX = 96
 AT_ONCE = 16
 """Blocks. Engineering choice: enough to share out, few enough that the last, filled up, wastes little."""
 WORTHWHILE = 0.4
-"""Share of blocks that are dark from which on the whole frame is cheaper (benchmarks/acuity.py)."""
+"""Share of blocks that are dark from which on the whole frame is cheaper (docs/acuity.md)."""
 
 
 def dark_acuity_of_tiles(
