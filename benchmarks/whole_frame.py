@@ -75,7 +75,7 @@ def main(rounds: int = 9) -> None:
     truth, each_ms = plain_whole.perceived(host, view, glare)
     apart = np.abs(seen.image[0].astype(int) - truth.astype(int)).max(axis=2)
     for name, each in (("Everything", seen), ("Planned", planned)):
-        print(f"\n{name}: " + ", ".join(f"{step.effect.value} {step.level}" for step in each.plan))
+        print(f"\n{name}: " + ", ".join(f"{step.effect} {step.level}" for step in each.plan))
         print(f"{name}, ms: " + ", ".join(f"{part} {ms:.0f}" for part, ms in each.milliseconds.items()))
     print("Plainly, ms: " + ", ".join(f"{name} {ms:.0f}" for name, ms in each_ms.items()))
     print(f"Pixels that differ by more than a code value: {(apart > 1).mean():.2%}, the largest by {apart.max()}")

@@ -3,10 +3,9 @@
 errors.py       how far an image is from the truth, in its own unit and as a display shows it
 timing.py       calls that take turns, each timed
 scenes.py       the frames that settings are compared on (landscape.py, rooms.py)
-plain/          the effects said plainly in float64: the truth of what only computes
-ways/           every way to run every effect, beside its truth
+viewing.py      an eye viewing a scene: what each effect starts from, and what becomes of its image
 whole_frame.py  combinations of them, and which to take at a rate
-everything.py   all of that, over all scenes
+everything.py   every variant of every effect beside its oracle, and the whole frame, over all scenes
 calibration.py  what each level takes on this machine, for planning within a budget
 comparison.py   settings of glare beside its truth; what none beats
 glare.py        glare's settings, their truth, and the comparison

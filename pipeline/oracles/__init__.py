@@ -4,9 +4,13 @@ Nothing here is fast or clever, so it is what the program is compared to, in rou
 at a time, linear Rec.709.
 
 adaptation.py    the luminance an eye is adapted to, and the exposure
-glare.py         a kernel by one FFT of the whole frame, the veil by sums at true angles
+glare.py         the brightest pixels one by one, the rest by a float64 FFT, the veil at true angles
+glare_fft.py     one FFT of the whole frame: what is quick enough to be timed beside
 acuity.py        detail lost in the dark
-tone.py          to the display's range, and its encoding
+rod_noise.py     photons that rods count
+tone.py          the default operator, and the display's encoding
+operators.py     the others
 night_colour.py  the shift to blue
-whole.py         all of them, one after the other
+afterimage.py    what a bleached retina adds
+chain.py         all of them, one after the other
 """
