@@ -5,5 +5,4 @@ desk.py        who answers a live bridge's requests
 tracker_tasks.py  what a tracker can be asked to do by itself
 take.py        what a live bridge keeps of a take; tables.py: states.csv and events.csv
 scene_light.py the scene's light, for simulated eyes
-pupil_calibration.py  a calibration between the bridge's items; pupil_outcome.py works it out and draws it
 """

@@ -12,10 +12,10 @@ from typing import Any
 
 import structlog
 
-from entoptic.services.bridge.pupil_calibration import PupilCalibration
 from entoptic.services.bridge.scene_light import SceneLight
 from entoptic.services.bridge.take import BridgeTake
 from entoptic.services.bridge.tracker_tasks import told
+from entoptic.services.calibration.live import PupilCalibration
 from entoptic.services.ipc.client import Reply
 from entoptic.services.ipc.requests import (
     BeginTake,

@@ -11,8 +11,8 @@ import structlog
 
 from entoptic.services import keys as key_files
 from entoptic.services.bridge.handler import BridgeHandler
-from entoptic.services.bridge.pupil_calibration import PupilCalibration
 from entoptic.services.bridge.scene_light import SceneLight
+from entoptic.services.calibration.live import PupilCalibration
 from entoptic.services.eye_data import ROOM_CD_M2, open_eyes, open_live_eyes
 from entoptic.services.ipc.handler import RequestHandler
 from entoptic.services.ipc.requests import BridgeRequest

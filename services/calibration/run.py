@@ -1,7 +1,7 @@
 """Runs the black and white screens before a person, or simulated eyes: a run that a source's items step.
 
 `entoptic calibrate` owns such a run and the loop about it; in a live session the bridge steps one with the items that
-it publishes anyway (services/bridge/pupil_calibration.py). Nothing is judged here: see result.py.
+it publishes anyway (live.py). Nothing is judged here: see outcome.py.
 """
 
 from __future__ import annotations

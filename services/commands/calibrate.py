@@ -22,9 +22,8 @@ from entoptic.services.process import Stop
 from entoptic.services.terminal import console
 
 if TYPE_CHECKING:
-    from entoptic.services.calibration.result import Attempt
+    from entoptic.services.calibration.outcome import Outcome
     from entoptic.services.calibration.run import CalibrationRun
-    from entoptic.tracker_bridge.pupil_map import PupilMap
     from entoptic.tracker_bridge.source import Item
 
 
@@ -89,9 +88,10 @@ def calibrate(
 ) -> None:
     """Find out how far a person's pupils close and open, before white and black screens."""
     from entoptic.services import keys as key_files
-    from entoptic.services.calibration import result as results
     from entoptic.services.calibration import run as calibrates
     from entoptic.services.calibration.display import Display, NoDisplay, SocketDisplay
+    from entoptic.services.calibration.outcome import Job, conclude
+    from entoptic.services.calibration.result import refuse_unwritable
     from entoptic.tracker_bridge.calibration import CalibrationError
     from entoptic.tracker_bridge.source import Source
     from entoptic.tracker_bridge.sources import SIMULATED
@@ -99,7 +99,7 @@ def calibrate(
 
     # All input is looked at before anybody has to look at anything.
     chosen = calibrates.protocol_of(protocol.value, white_seconds, black_seconds)
-    results.refuse_unwritable(out)
+    refuse_unwritable(out)
     if keys is not None and (fast or display is DisplayKind.BROWSER):
         raise CalibrationError("--keys are for a display program on another machine: add --display socket")
     simulated = source.source == SIMULATED
@@ -145,7 +145,7 @@ def calibrate(
             screens, opened if isinstance(opened, SimulatedLiveEyes) else None, white_cd_m2, black_cd_m2
         )
         items = stack.enter_context(contextlib.closing(calibrates.items_now(opened)))
-        kept: tuple[PupilMap, Attempt] | None = None
+        kept: Outcome | None = None
         for number in range(1, repeats + 1):
             with Progress(
                 TextColumn("{task.description}"),
@@ -158,31 +158,21 @@ def calibrate(
                 bar = progress.add_task("waiting for Start", total=chosen.seconds)
                 run = calibrates.CalibrationRun(chosen, room, wanted, ids)
                 show = functools.partial(_show_progress, progress, bar, run)
-                attempt = results.judge(calibrates.follow(run, items, opened.info.name, stop, on_item=show))
-            if attempt.problems:
-                _print_problems(attempt, number, repeats)
-                if keep_failed:
-                    failed = results.write_failed_plot(out, attempt, opened.info.name)
-                    console.print(f"plot: [b]{escape(str(failed.resolve()))}[/b]", soft_wrap=True)
-            else:
-                found = results.pupil_map_of(
-                    attempt, opened.info.name, screens.name, screens.uncertainty_ns, map_mm=map_mm
-                )
-                kept = (found, attempt)
-                _print_result(found, number, repeats)
+                recorded = calibrates.follow(run, items, opened.info.name, stop, on_item=show)
+            outcome = conclude(
+                Job(recorded, str(out), opened.info.name, screens.name, screens.uncertainty_ns, map_mm, keep_failed)
+            )
+            kept = outcome if outcome.found is not None else kept
+            _print_outcome(outcome, f"run {number} of {repeats}" if repeats > 1 else None)
             if isinstance(screens, SocketDisplay) and screens.unreadable:
                 console.print(f"the display said something that cannot be read: {escape(screens.unreadable)}")
-            screens.tell(attempt.words, again=number < repeats)
+            screens.tell(outcome.words, again=number < repeats)
             if stop():
-                break
-    if stop():
-        raise typer.Exit(130)
+                raise typer.Exit(130)
     if kept is None:
         console.print("no result: nothing was written")
         raise typer.Exit(1)
-    plot = results.write(out, *kept)
     console.print(f"results: [b]{escape(str(out.resolve()))}[/b]", soft_wrap=True)
-    console.print(f"look at: [b]{escape(str(plot.resolve()))}[/b]", soft_wrap=True)
 
 
 def _show_progress(progress: Progress, bar: TaskID, run: CalibrationRun, item: Item, now_ns: int) -> None:
@@ -198,34 +188,27 @@ def _show_progress(progress: Progress, bar: TaskID, run: CalibrationRun, item: I
         progress.update(bar, completed=run.seconds_done(now_ns), description=description)
 
 
-def _print_result(found: PupilMap, number: int, repeats: int) -> None:
+def _print_outcome(outcome: Outcome, title: str | None) -> None:
     from entoptic.tracker_bridge.pupil_map import Use
-    from entoptic.tracker_bridge.samples import Eye
 
-    table = Table(title=f"run {number} of {repeats}" if repeats > 1 else None, title_justify="left")
-    diameters = (f"{what} / {found.unit}" for what in ("white", "black", "span"))
-    for heading in ("eye", *diameters, "tracked", "moving / mm/s", "stretch"):
-        table.add_column(heading, justify="left" if heading == "eye" else "right")
-    for eye in Eye:
-        if (one := found.of(eye)) is not None:
-            table.add_row(
-                eye.name.lower(),
-                f"{one.white:.2f}",
-                f"{one.black:.2f}",
-                f"{one.black - one.white:.2f}",
-                f"{min(window.valid_share for window in one.windows):.0%}",
-                f"{max(abs(window.slope_mm_s) for window in one.windows):.2f}",
-                f"×{one.stretch:.2f}",
-            )
-    console.print(table)
-    if found.use is Use.CHECK:
-        console.print("the tracker's own millimetres are kept; --map-mm would stretch them onto 2–8 mm")
-
-
-def _print_problems(attempt: Attempt, number: int, repeats: int) -> None:
-    if repeats > 1:
-        console.print(f"run {number} of {repeats}")
-    for problem in attempt.problems:
-        console.print(f"[red]{problem.name}[/red]: {escape(problem.detail)}", soft_wrap=True)
-    for remedy in dict.fromkeys(problem.remedy for problem in attempt.problems):
-        console.print(f"  → {escape(remedy)}", soft_wrap=True)
+    if outcome.found is None:
+        if title is not None:
+            console.print(title)
+        for problem in outcome.problems:
+            console.print(f"[red]{problem.name}[/red]: {escape(problem.detail)}", soft_wrap=True)
+        for remedy in dict.fromkeys(problem.remedy for problem in outcome.problems):
+            console.print(f"  → {escape(remedy)}", soft_wrap=True)
+    else:
+        table = Table(title=title, title_justify="left")
+        diameters = (f"{what} / {outcome.found.unit}" for what in ("white", "black", "span"))
+        for heading in ("eye", *diameters, "tracked", "moving / mm/s", "stretch"):
+            table.add_column(heading, justify="left" if heading == "eye" else "right")
+        for name, one in outcome.eyes.items():
+            shown = ("{:.2f}", "{:.2f}", "{:.2f}", "{:.0%}", "{:.2f}", "×{:.2f}")
+            values = (one.white, one.black, one.span, one.tracked_share, one.slope_mm_s, one.stretch)
+            table.add_row(name, *(form.format(value) for form, value in zip(shown, values, strict=True)))
+        console.print(table)
+        if outcome.found.use is Use.CHECK:
+            console.print("the tracker's own millimetres are kept; --map-mm would stretch them onto 2–8 mm")
+    if outcome.plot is not None:
+        console.print(f"plot: [b]{escape(str(Path(outcome.plot).resolve()))}[/b]", soft_wrap=True)

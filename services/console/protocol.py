@@ -254,7 +254,7 @@ class Status(_Message, frozen=True, tag="status"):
     calibrating: dict[str, Any] | None
     """A pupil calibration that runs: stage, screen, step, steps, seconds_done, seconds."""
     calibrated: dict[str, Any] | None
-    """The result of the last one; see services/bridge/pupil_calibration.py. Its plot lies below `/pupil-maps/`."""
+    """The result of the last one; see services/calibration/live.py. Its plot lies below `/pupil-maps/`."""
     pages: int
     """Pages that are open."""
     problems: tuple[Problem, ...]

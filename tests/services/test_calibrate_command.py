@@ -76,7 +76,7 @@ def test_each_repetition_is_printed_and_one_is_kept(tmp_path: Path, said: Callab
 
 def test_ctrl_c_changes_nothing(tmp_path: Path) -> None:
     (tmp_path / "my_pupil.toml").write_text("old")
-    command = "import typer; from services.commands.calibrate import calibrate; typer.run(calibrate)"
+    command = "import typer; from entoptic.services.commands.calibrate import calibrate; typer.run(calibrate)"
     arguments = ["--display", "socket", "--out", str(tmp_path / "my_pupil.toml")]
     process = subprocess.Popen(
         [sys.executable, "-c", command, *arguments], stderr=subprocess.PIPE, text=True, encoding="utf-8"

@@ -11,8 +11,8 @@ import zmq
 from screen_program import ScreenProgram
 
 from entoptic.services import keys as key_files
-from entoptic.services.bridge.pupil_calibration import WORKING_OUT, PupilCalibration
 from entoptic.services.calibration.display import READY_WORDS, SocketDisplay
+from entoptic.services.calibration.live import WORKING_OUT, PupilCalibration
 from entoptic.services.ipc.requests import CalibratePupils
 from entoptic.tracker_bridge import pupil_map
 from entoptic.tracker_bridge.access import OpenAddressError

@@ -26,8 +26,8 @@ from starlette.routing import Mount
 from websockets.exceptions import ConnectionClosed
 from websockets.sync.client import ClientConnection, connect
 
-from entoptic.services.bridge.pupil_calibration import PupilCalibration
 from entoptic.services.calibration.display import READY_WORDS, Request, SocketDisplay
+from entoptic.services.calibration.live import PupilCalibration
 from entoptic.services.calibration.page import PageServer, Screens
 from entoptic.services.calibration.run import CalibrationRun, Recorded, Room, follow, items_now, simulated_eyes
 from entoptic.services.ipc.requests import CalibratePupils

@@ -1,7 +1,8 @@
-"""Works out what came of a pupil calibration, and draws it, in a process of its own beside a live bridge.
+"""What came of a run of the black and white screens: judged, written and drawn, for command and live bridge alike.
 
-Judging and drawing take a second of computing: in a thread of the bridge's they held its samples up by 45 ms. The run
-goes to the process's standard input and the outcome comes from its standard output, each one msgpack map.
+A bridge has it done by a process of its own (`Concluding`): judging and drawing take a second of computing, and in a
+thread of the bridge's they held its samples up by 45 ms. The run goes to the process's standard input and the outcome
+comes from its standard output, each one msgpack map.
 """
 
 from __future__ import annotations
@@ -32,6 +33,8 @@ class Job(msgspec.Struct, frozen=True):
     display: str
     uncertainty_ns: int | None
     map_mm: bool
+    plot_failed: bool = True
+    """Whether a run without a result leaves its plot."""
 
 
 class Named(msgspec.Struct, frozen=True):
@@ -65,18 +68,18 @@ def conclude(job: Job) -> Outcome:
     attempt, out = judge(job.recorded), Path(job.out)
     eyes = {eye.name.lower(): figures(result) for eye, result in attempt.analysis.eyes.items()}
     problems = tuple(Named(one.name, one.detail, one.remedy) for one in attempt.problems)
-    words, found = attempt.words, None
+    words, found, plot = attempt.words, None, None
     try:
-        if problems:
+        if problems and job.plot_failed:
             plot = write_failed_plot(out, attempt, job.source)
-        else:
+        elif not problems:
             found = pupil_map_of(attempt, job.source, job.display, job.uncertainty_ns, map_mm=job.map_mm)
             plot = write(out, found, attempt)
     except (PupilMapError, OutputError) as error:
         detail, _, remedy = str(error).partition("; ")
         problem = Named("not written", detail, remedy or "calibrate again")
         return Outcome(None, None, eyes, (*problems, problem), words if problems else f"No result: {error}.")
-    return Outcome(found, str(plot), eyes, problems, words)
+    return Outcome(found, None if plot is None else str(plot), eyes, problems, words)
 
 
 class Concluding:
@@ -110,7 +113,7 @@ class Concluding:
                 if self._ended:
                     return
                 # -P: no module of the folder that the bridge happens to run in.
-                command = [sys.executable, "-P", "-m", "entoptic.services.bridge.pupil_outcome"]
+                command = [sys.executable, "-P", "-m", "entoptic.services.calibration.outcome"]
                 pipe = subprocess.PIPE
                 self._process = subprocess.Popen(command, stdin=pipe, stdout=pipe, stderr=pipe)
             try:

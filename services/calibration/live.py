@@ -2,7 +2,7 @@
 
 Theory of operation: the bridge gives `step` every item of its source, before the chain, so that what is measured is the
 tracker's own whatever pupil map is in use. Between `begin` and the end of the run the items step it
-(services/calibration/run.py); then another process works it out (pupil_outcome.py), and the step that finds it done
+(run.py); then another process works it out (outcome.py), and the step that finds it done
 returns the new map, once. Simulated eyes see the screens from the first one to the end of the run, the scene otherwise:
 whoever knows the scene's light says it to `scene_light`, at all times.
 """
@@ -17,9 +17,9 @@ from typing import Any, Final
 import msgspec
 import zmq
 
-from entoptic.services.bridge.pupil_outcome import Concluding, Job, Named, Outcome
 from entoptic.services.calibration import run as calibrate
 from entoptic.services.calibration.display import SocketDisplay
+from entoptic.services.calibration.outcome import Concluding, Job, Named, Outcome
 from entoptic.services.calibration.result import refuse_unwritable
 from entoptic.services.calibration.run import CalibrationRun, Lit, Room
 from entoptic.services.ipc.client import Reply

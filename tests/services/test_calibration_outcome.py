@@ -5,8 +5,8 @@ from pathlib import Path
 
 import pytest
 
-from entoptic.services.bridge import pupil_outcome
-from entoptic.services.bridge.pupil_outcome import Concluding, Job, Outcome
+from entoptic.services.calibration import outcome as pupil_outcome
+from entoptic.services.calibration.outcome import Concluding, Job, Outcome
 from entoptic.services.calibration.run import Recorded
 from entoptic.tracker_bridge.calibration import Stage, robust
 from entoptic.tracker_bridge.samples import Eye
