@@ -13,6 +13,7 @@ from msgspec import Meta
 
 from entoptic.described import described
 from entoptic.tracker_bridge.chain import LatencyMode
+from entoptic.tracker_bridge.sources import SPECS
 from entoptic.tracker_bridge.sources.pupil_core.remote import DEFAULT_REMOTE
 
 
@@ -90,8 +91,7 @@ class SourceConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_o
     source: Annotated[
         str,
         described(
-            "Eye data: simulated, a folder recorded by Pupil Capture, an export of Pupil Player, any .csv/.tsv table "
-            "(see --map), or usb-file:PATH; live also capture, usb and usb-simulated:RECORDING.",
+            SPECS,
             "Eyes",
             option=("--source", "--recording"),
             first=True,

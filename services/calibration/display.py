@@ -18,7 +18,6 @@ import itertools
 import queue
 import threading
 import time
-from typing import Protocol
 
 import msgspec
 import zmq
@@ -59,37 +58,6 @@ class ScreenShown(msgspec.Struct, frozen=True):
 
 
 Answer = ScreenShown | Request
-
-
-class Display(Protocol):
-    """Shows screens and says when."""
-
-    @property
-    def name(self) -> str:
-        """For a person and for the result."""
-        ...
-
-    @property
-    def ready(self) -> bool:
-        """Whether its clock is known."""
-        ...
-
-    @property
-    def uncertainty_ns(self) -> int | None:
-        """How far its times may be off; None where there is nothing to estimate."""
-        ...
-
-    def show(self, command: ShowScreen) -> None:
-        """Asks for a screen; returns at once."""
-        ...
-
-    def tell(self, message: str, *, again: bool) -> None:
-        """What came out, for the person before it; and whether they may start again."""
-        ...
-
-    def answers(self, now_ns: int) -> list[Answer]:
-        """What has come since the last call."""
-        ...
 
 
 class NoDisplay:
@@ -330,3 +298,6 @@ class SocketDisplay:
             if self._unanswered is not None and said.shown == self._unanswered.id:
                 self._unanswered = None
             self._arrived.append(ScreenShown(said.shown, shown_ns))
+
+
+Display = NoDisplay | SocketDisplay

@@ -13,6 +13,7 @@ played.py    any recording as a live source
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Final
 
 import msgspec
 
@@ -28,6 +29,11 @@ from entoptic.tracker_bridge.sources.table.source import open_table
 
 SIMULATED, CAPTURE = "simulated", "capture"
 USB, USB_SIMULATED, USB_FILE = "usb", "usb-simulated:", "usb-file:"
+SPECS: Final = (
+    "Eye data: simulated, a folder recorded by Pupil Capture, an export of Pupil Player, any .csv/.tsv table "
+    "(see --map), or usb-file:PATH; live also capture, usb and usb-simulated:RECORDING."
+)
+"""What `open_source` opens, for the command line's help."""
 
 
 class TrackerSettings(msgspec.Struct, frozen=True, kw_only=True):
