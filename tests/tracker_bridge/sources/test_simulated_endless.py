@@ -1,7 +1,6 @@
 """Simulated eyes that never end."""
 
 import itertools
-import time
 from collections.abc import Iterator
 
 import msgspec
@@ -10,6 +9,8 @@ import pytest
 
 from entoptic.tracker_bridge.samples import NS_PER_S, Eye, GazeSample, PupilSample
 from entoptic.tracker_bridge.source import Item, SourceError, Tick
+from entoptic.tracker_bridge.sources import played
+from entoptic.tracker_bridge.sources.simulated import endless
 from entoptic.tracker_bridge.sources.simulated.endless import STRETCH_S, EndlessEyes
 from entoptic.tracker_bridge.sources.simulated.eyes import SimulatedEyes, SimulatedSettings
 
@@ -17,9 +18,29 @@ MS = 1_000_000
 DIM = SimulatedSettings(seed=3, luminance=((0.0, 1.0),), hippus=0.0, diameter_noise_mm=0.0, noise_deg=0.0)
 
 
-@pytest.fixture(scope="module", autouse=True)
+class Clock:
+    """A machine that computes in no time: nothing but sleep lets time pass."""
+
+    def __init__(self) -> None:
+        self.now_ns = 1_000 * NS_PER_S
+
+    def monotonic_ns(self) -> int:
+        return self.now_ns
+
+    def sleep(self, seconds: float) -> None:
+        self.now_ns += round(seconds * NS_PER_S)
+
+
+@pytest.fixture(autouse=True)
+def time(monkeypatch: pytest.MonkeyPatch) -> Clock:
+    clock = Clock()
+    for module in (endless, played):
+        monkeypatch.setattr(module, "time", clock)
+    return clock
+
+
+@pytest.fixture(scope="module")
 def drawn() -> SimulatedEyes:
-    """Drawn once: the first time imports what takes seconds."""
     return SimulatedEyes(msgspec.structs.replace(DIM, seconds=float(STRETCH_S)))
 
 
@@ -43,7 +64,7 @@ def assert_as_drawn(seen: dict[int, tuple[float, float]], begun_ns: int, drawn: 
     np.testing.assert_allclose([azimuth for azimuth, _ in seen.values()], truth.azimuth_deg[:, at].mean(axis=0))
 
 
-def test_they_are_the_recorded_ones_and_have_no_end(drawn: SimulatedEyes) -> None:
+def test_they_are_the_recorded_ones_and_have_no_end(drawn: SimulatedEyes, time: Clock) -> None:
     begun_ns = time.monotonic_ns()
     eyes = EndlessEyes(DIM, begun_ns)
     items = until(eyes.samples(), time.monotonic_ns() + 400 * MS)
@@ -53,7 +74,7 @@ def test_they_are_the_recorded_ones_and_have_no_end(drawn: SimulatedEyes) -> Non
     assert max(np.diff([item.t_ns for item in items if isinstance(item, PupilSample | Tick)])) <= 100 * MS
 
 
-def test_started_anew_they_look_where_they_would_have_looked(drawn: SimulatedEyes) -> None:
+def test_started_anew_they_look_where_they_would_have_looked(drawn: SimulatedEyes, time: Clock) -> None:
     begun_ns = time.monotonic_ns() - 7 * NS_PER_S
     items = until(EndlessEyes(DIM, begun_ns).samples(), time.monotonic_ns() + 300 * MS)
     seen = gazes(items)
@@ -61,7 +82,7 @@ def test_started_anew_they_look_where_they_would_have_looked(drawn: SimulatedEye
     assert_as_drawn(seen, begun_ns, drawn)
 
 
-def test_between_two_stretches_they_blink_and_the_pupil_goes_on() -> None:
+def test_between_two_stretches_they_blink_and_the_pupil_goes_on(time: Clock) -> None:
     begun_ns = time.monotonic_ns() - STRETCH_S * NS_PER_S + 300 * MS
     items = until(EndlessEyes(DIM, begun_ns).samples(), begun_ns + STRETCH_S * NS_PER_S + 400 * MS)
     samples = pupils(items)
@@ -76,7 +97,7 @@ def test_between_two_stretches_they_blink_and_the_pupil_goes_on() -> None:
     assert not [t_ns for t_ns in seen if abs(t_ns - border_ns) < 50 * MS]
 
 
-def test_the_pupil_answers_to_light_that_is_set() -> None:
+def test_the_pupil_answers_to_light_that_is_set(time: Clock) -> None:
     begun_ns = time.monotonic_ns() - 3 * STRETCH_S * NS_PER_S - 5 * NS_PER_S
     eyes = EndlessEyes(DIM, begun_ns)
     samples = eyes.samples()
