@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 import structlog
+from hypothesis import settings
 
 from entoptic.services.process import cache_folder
 
@@ -15,6 +16,13 @@ os.environ.setdefault("JAX_COMPILATION_CACHE_DIR", str(cache_folder() / "compile
 os.environ.setdefault("JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS", "0")
 
 DATA = Path(__file__).parents[2] / "shared" / "data"
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    """Few examples, the same each time, for `make test`; many, drawn anew, where slow tests run too."""
+    settings.register_profile("quick", deadline=None, max_examples=25, derandomize=True)
+    settings.register_profile("thorough", deadline=None, max_examples=250, print_blob=True)
+    settings.load_profile("quick" if "not slow" in config.option.markexpr else "thorough")
 
 
 @pytest.fixture

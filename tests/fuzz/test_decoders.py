@@ -23,7 +23,7 @@ def spoilt(good: bytes, changes: list[tuple[str, int, bytes]]) -> bytes:
 
 
 @pytest.mark.parametrize("decoder", ALL.values(), ids=ALL.keys())
-@settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.too_slow])
+@settings(suppress_health_check=[HealthCheck.too_slow])
 @given(data=st.data())
 def test_only_named_errors(decoder: Decoder, data: st.DataObject) -> None:
     good = data.draw(st.sampled_from(decoder.good) | st.binary(max_size=300))

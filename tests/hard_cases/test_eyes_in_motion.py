@@ -5,7 +5,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from entoptic.pipeline.observer import Observer, OcularDynamics
@@ -29,7 +29,6 @@ def check(state: OcularState, observer: Observer, pupil_mm: float) -> None:
 
 
 @given(st.lists(st.tuples(lengths, pupils), max_size=8), st.integers(0, 2**64))
-@settings(max_examples=60, deadline=None)
 def test_no_step_and_no_pupil_makes_an_eye_leave_its_range(steps: list[tuple[float, float]], seed: int) -> None:
     observer = Observer(seed=seed, ocular_dynamics=ALIVE.ocular_dynamics)
     state = at_rest(observer)

@@ -8,7 +8,7 @@ from pathlib import Path
 import msgspec
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from entoptic.pipeline import EyePose, Frame, Glare, GlareLevel, GlareModel, Perceived, Planning, RenderState, perceive
@@ -173,14 +173,12 @@ def test_every_record_comes_back_as_it_went() -> None:
         assert decode(messages.encode(record), type(record)) == record
 
 
-@settings(max_examples=200, deadline=None)
 @given(st.binary(max_size=200), st.sampled_from(KINDS))
 def test_any_bytes_are_a_message_or_refused(said: bytes, kind: type[msgspec.Struct]) -> None:
     with pytest.raises(MessageError):
         decode(said, kind)
 
 
-@settings(max_examples=300, deadline=None)
 @given(st.data())
 def test_a_damaged_message_is_read_or_refused(data: st.DataObject) -> None:
     record = Picture(1, 2, 1, 1, "srgb", "uint8", b"abc")

@@ -11,7 +11,7 @@ import numpy as np
 import OpenImageIO as oiio
 import pytest
 from clear_pupil import airy
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from rich.console import Console
 
@@ -220,7 +220,6 @@ observers = st.builds(
 )
 
 
-@settings(deadline=None)
 @given(observers, st.booleans(), st.sampled_from(GlareModel))
 def test_saved_settings_are_read_as_they_were(
     tmp_path_factory: pytest.TempPathFactory, observer: Observer, lashes: bool, model: GlareModel

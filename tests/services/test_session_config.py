@@ -9,7 +9,7 @@ from typing import Annotated, Any
 import msgspec
 import pytest
 import typer
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from msgspec import Meta
 from typer.testing import CliRunner
@@ -68,7 +68,6 @@ def by_command_line(arguments: list[str]) -> SessionConfig:
     return taken[0]
 
 
-@settings(max_examples=40, deadline=None)
 @given(some(EyesConfig), some(ViewConfig))
 def test_by_json_by_the_command_line_and_by_the_form_it_is_the_same(eyes: dict[str, Any], view: dict[str, Any]) -> None:
     known = {leaf.path: leaf for leaf in SESSION}

@@ -74,7 +74,7 @@ def test_pixels_are_measured_in_pixels() -> None:
     assert analysis.eyes[Eye.LEFT].of(Screen.BLACK) == pytest.approx(6.5 * 23, rel=0.001)
 
 
-@settings(max_examples=4, deadline=None)
+@settings(max_examples=4)
 @given(st.floats(0.5, 500.0))
 def test_the_scale_of_pixels_does_not_matter(px_per_mm: float) -> None:
     samples = [in_px(sample, px_per_mm) for sample in eye_before(robust(), Eye.LEFT)]

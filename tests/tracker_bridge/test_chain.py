@@ -4,7 +4,7 @@ import itertools
 from collections.abc import Iterable
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from entoptic.tracker_bridge import wire
@@ -241,7 +241,6 @@ _items = st.one_of(
 )
 
 
-@settings(max_examples=150, deadline=None)
 @given(st.lists(_items, max_size=60), st.booleans(), st.booleans())
 def test_any_items_in_any_order_give_valid_states_in_order(items: list[Item], in_order: bool, live: bool) -> None:
     if in_order:

@@ -1,6 +1,6 @@
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from entoptic.tracker_bridge.clock import ArrivalClock, RoundTripClock
@@ -38,7 +38,6 @@ def polled(remote: Remote, seconds: int) -> tuple[RoundTripClock, list[object]]:
     return clock, events
 
 
-@settings(max_examples=60, deadline=None)
 @given(
     seed=st.integers(0, 10_000),
     offset_ns=st.integers(-(10**18), 10**18),
@@ -105,7 +104,6 @@ def arrivals(clock: ArrivalClock, remote: Remote, from_s: float, to_s: float, la
     return events
 
 
-@settings(max_examples=20, deadline=None)
 @given(seed=st.integers(0, 10_000), offset_ns=st.integers(-(10**18), 10**18), drift_ppm=st.floats(-100, 100))
 def test_arrivals_tell_the_offset_to_their_least_delay(seed, offset_ns, drift_ppm):
     remote, clock = Remote(seed, offset_ns=offset_ns, drift_ppm=drift_ppm), ArrivalClock(MS)

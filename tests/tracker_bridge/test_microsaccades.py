@@ -183,7 +183,7 @@ def test_the_eyes_may_be_sampled_in_turns(phase: float) -> None:
     assert offsets_of(events)[0].amplitude_deg == pytest.approx(0.5, abs=0.03)
 
 
-@settings(deadline=None, max_examples=15)
+@settings(max_examples=15)
 @given(angle=st.floats(0.0, 6.28), azimuth=st.floats(-40, 40), elevation=st.floats(-1, 1))
 def test_direction_comes_out_as_it_went_in_wherever_the_eyes_look(
     angle: float, azimuth: float, elevation: float
@@ -312,7 +312,6 @@ def test_the_direction_of_both_is_left_aside_where_each_eye_has_its_own() -> Non
     assert run(merged) == run(own)
 
 
-@settings(deadline=None, max_examples=50)
 @given(
     intervals_ms=st.lists(st.floats(1.0, 30.0), min_size=60, max_size=90),
     slope=st.tuples(st.floats(-30, 30), st.floats(-10, 10)),

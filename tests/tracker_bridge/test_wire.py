@@ -4,7 +4,7 @@ import typing
 
 import msgspec
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from entoptic.tracker_bridge import wire
@@ -191,7 +191,6 @@ def test_any_bytes_give_a_named_error_or_a_record(message: bytes) -> None:
             decode(message)
 
 
-@settings(max_examples=300)
 @given(
     st.one_of(
         states.map(wire.encode_state),

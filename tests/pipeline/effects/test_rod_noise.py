@@ -8,7 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 import scipy.stats
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from entoptic.pipeline.effects.rod_noise import (
@@ -165,7 +165,6 @@ def random_frame(seed: int, spread: float) -> np.ndarray:
     )
 
 
-@settings(deadline=None, max_examples=60)
 @given(st.integers(0, 2**31), st.sampled_from([0.0, 0.1, 1.5]), NOISES, st.floats(2, 8), st.floats(0, 1e5))
 def test_no_pixel_changes_by_more_than_stated(
     seed: int, spread: float, noise: RodNoise, pupil_mm: float, elapsed_s: float
@@ -176,7 +175,6 @@ def test_no_pixel_changes_by_more_than_stated(
     assert (change_of(frame, shown) <= bound * (1 + 1e-5) + 1e-6 * frame.max()).all()
 
 
-@settings(deadline=None, max_examples=60)
 @given(
     st.integers(0, 2**31),
     st.sampled_from([0.0, 0.1, 1.5]),

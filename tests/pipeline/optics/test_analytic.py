@@ -73,7 +73,7 @@ def test_straylight_against_stiles_and_holladay(iris: Iris) -> None:
 
 
 @given(age=st.floats(5, 75), more=st.floats(1, 40), pupil_mm=st.floats(2, 8), deg=st.floats(1, 80))
-@settings(deadline=None, max_examples=15)
+@settings(max_examples=15)
 def test_straylight_grows_with_age(age: float, more: float, pupil_mm: float, deg: float) -> None:
     angle = np.array(deg)
     for iris in Iris:

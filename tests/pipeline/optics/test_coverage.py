@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from scipy.integrate import quad
 from scipy.special import j1
@@ -17,7 +17,6 @@ def dx_of(n: int) -> float:
     return coverage.PLANE_M / n
 
 
-@settings(deadline=None, max_examples=50)
 @given(SIZES, PLACE, PLACE, st.floats(1e-6, 0.9e-3))
 def test_a_disc_within_the_grid_covers_its_area(n: int, x: float, y: float, radius: float) -> None:
     discs = (np.array([x]), np.array([y]), np.array([radius]))
@@ -26,7 +25,6 @@ def test_a_disc_within_the_grid_covers_its_area(n: int, x: float, y: float, radi
     assert share.sum() * dx_of(n) ** 2 == pytest.approx(np.pi * radius**2, rel=1e-12)
 
 
-@settings(deadline=None, max_examples=50)
 @given(SIZES, st.floats(1e-3, 8.5e-3))
 def test_the_pupil_is_the_same_disc(n: int, diameter: float) -> None:
     """The fast way for one centred disc against the way for many, in the float32 that a plane is kept in."""
@@ -63,7 +61,6 @@ def test_overlapping_discs_multiply_their_transmittances() -> None:
     assert np.abs(two - one**2).max() < 1e-15
 
 
-@settings(deadline=None, max_examples=50)
 @given(SIZES, st.lists(st.tuples(PLACE, PLACE), min_size=3, max_size=3, unique=True), st.booleans())
 def test_a_polygon_of_either_sense_covers_its_area(
     n: int, corners: list[tuple[float, float]], turned_round: bool
@@ -100,7 +97,6 @@ def test_a_polygon_partly_off_the_grid_keeps_what_is_on_it() -> None:
     assert coverage.polygons(x - 2e-3, y, n, dx_of(n)).share.size == 0
 
 
-@settings(deadline=None, max_examples=50)
 @given(SIZES, st.floats(-5e-3, 5e-3), st.sampled_from([-200.0, -40.0, -1.0, 0.0, 7.0, 90.0]))
 def test_the_area_below_a_parabola_is_its_integral(n: int, height: float, bend: float) -> None:
     region = coverage.below_parabola(height, bend, n, dx_of(n))

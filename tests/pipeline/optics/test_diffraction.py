@@ -9,7 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from clear_pupil import pupil_disc
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from scipy.optimize import brentq
 from scipy.special import j1, jv
@@ -117,7 +117,6 @@ def test_a_phase_gratings_orders(amplitude: float, lines: int) -> None:
 
 
 @given(st.sampled_from([4, 9, 32]), st.integers(0, 2**32 - 1))
-@settings(max_examples=30, deadline=None)
 def test_parseval(n: int, seed: int) -> None:
     random = np.random.default_rng(seed)
     plane = random.normal(size=(n, n)) + 1j * random.normal(size=(n, n))

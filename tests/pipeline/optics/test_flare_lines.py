@@ -28,7 +28,7 @@ def test_every_neighbourhood_keeps_the_mean_of_one(flare: Flare, seed: int) -> N
 @given(
     seed=st.integers(0, 2**40), flare=st.sampled_from(Flare), rows_px=st.integers(0, 20), columns_px=st.integers(0, 20)
 )
-@settings(max_examples=5, deadline=None)
+@settings(max_examples=5)
 def test_the_same_seed_draws_the_same_lines_on_a_kernel_of_any_size(
     seed: int, flare: Flare, rows_px: int, columns_px: int
 ) -> None:

@@ -5,7 +5,7 @@ from pathlib import Path
 import colour
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from entoptic.pipeline.optics import OpticsError, light_spectra
@@ -14,7 +14,6 @@ LUMINANCE = np.asarray(colour.RGB_COLOURSPACES["ITU-R BT.709"].matrix_RGB_to_XYZ
 
 
 @given(st.integers(*light_spectra.WAVELENGTHS_RANGE))
-@settings(max_examples=25, deadline=None)
 def test_each_primary_keeps_its_colour_for_any_number_of_wavelengths(count: int) -> None:
     nm, weights = light_spectra.primary_weights(count)
     assert nm.shape == (count,)

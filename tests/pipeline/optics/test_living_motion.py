@@ -5,7 +5,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from scipy.linalg import expm
 
@@ -20,7 +20,6 @@ ratios = st.one_of(
 )
 
 
-@settings(deadline=None)
 @given(ratios, st.floats(0.5, 20.0), st.floats(0.0, 3.0), st.floats(-5.0, 5.0), st.floats(-50.0, 50.0))
 def test_free_motion_is_the_matrix_exponential_at_any_damping(
     ratio: float, omega: float, dt_s: float, position: float, velocity: float
@@ -117,7 +116,6 @@ def test_a_tone_that_lasts_has_the_grids_answer(grid: tuple[np.ndarray, np.ndarr
 
 
 @given(st.lists(st.floats(0.0, 3.0), min_size=1, max_size=5), st.integers(0, 99))
-@settings(max_examples=20, deadline=None)
 def test_the_lens_is_the_same_in_one_step_as_in_many(parts_s: list[float], seed: int) -> None:
     random = np.random.default_rng(seed)
     tones = Tones(random.uniform(0.1, 14.0, 6), random.normal(size=6) + 1j * random.normal(size=6))

@@ -6,7 +6,7 @@ import math
 import msgspec
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from entoptic.pipeline.observer import Observer, OcularDynamics
@@ -132,7 +132,6 @@ def test_a_measured_pupil_is_left_as_it_is() -> None:
     st.floats(2.0, 8.0),
     st.floats(0.0, 100.0),
 )
-@settings(max_examples=40, deadline=None)
 def test_two_steps_are_one_of_both_lengths(dt_s: float, share: float, pupil_mm: float, before_s: float) -> None:
     start = step(step(at_rest(ALIVE), ALIVE, before_s, 5.0, KICKS), ALIVE, 0.01, 5.0)
     whole = step(start, ALIVE, dt_s, pupil_mm)

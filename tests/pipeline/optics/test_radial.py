@@ -67,7 +67,7 @@ def test_the_pixels_of_a_distant_halo() -> None:
 
 @pytest.mark.parametrize("name", DENSITIES)
 @given(ppd=st.floats(0.3, 120), radius_px=st.integers(0, 12))
-@settings(max_examples=8, deadline=None)
+@settings(max_examples=8)
 def test_the_pixels_add_up_to_the_light_in_their_square(name: str, ppd: float, radius_px: int) -> None:
     density = DENSITIES[name]
     half_side = (radius_px + 0.5) / ppd
@@ -79,7 +79,6 @@ def test_the_pixels_add_up_to_the_light_in_their_square(name: str, ppd: float, r
 
 
 @given(ppd=st.floats(0.3, 120), width_deg=st.floats(1e-4, 1.0))
-@settings(max_examples=25, deadline=None)
 def test_a_core_of_any_width_is_whole(ppd: float, width_deg: float) -> None:
     """The light of 1/(1+(r/a)²)^1.5 in the middle pixel has a closed form: (2/π)·atan(h²/(a·√(a² + 2h²)))."""
 

@@ -7,7 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from clear_pupil import pupil_disc
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from entoptic.pipeline.observer import Observer
@@ -59,7 +59,6 @@ def test_every_primary_keeps_its_light_at_any_pixel_size(pixels_per_deg: float) 
 
 
 @given(st.floats(380, 770), st.floats(3, 300), st.tuples(st.floats(-0.5, 0.5), st.floats(-0.5, 0.5)))
-@settings(max_examples=25, deadline=None)
 def test_the_sparse_sums_are_the_overlaps_written_out(
     nm: float, pixels_per_deg: float, shift: tuple[float, float]
 ) -> None:

@@ -7,7 +7,7 @@ from pathlib import Path
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from entoptic.pipeline import (
@@ -95,7 +95,6 @@ def test_on_real_frames_from_starlight_to_daylight(path: Path) -> None:
         holds(frame, EyePose(pupil_mm=4.0), effects=Effects(glare=Glare(GlareModel.CIE)))
 
 
-@settings(max_examples=30, deadline=None)
 @given(
     seed=st.integers(0, 2**32 - 1),
     grain=st.sampled_from([1, 3, 10, 80]),

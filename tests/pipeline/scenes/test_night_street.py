@@ -3,7 +3,7 @@ import math
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from scipy.ndimage import gaussian_filter, map_coordinates
 
@@ -79,7 +79,6 @@ def test_every_pixel_is_a_luminance(head: Head) -> None:
     assert rgb.min() >= 0
 
 
-@settings(max_examples=60, deadline=None)
 @given(st.floats(-1e4, 1e4), st.floats(-720, 720), st.floats(-90, 90), st.floats(-720, 720))
 def test_any_head_at_any_time_sees_luminances(t_s: float, yaw_deg: float, pitch_deg: float, roll_deg: float) -> None:
     rgb = street(t_s, VIEW, Head(yaw_deg, pitch_deg, roll_deg))
@@ -179,7 +178,6 @@ def test_nothing_far_away_shimmers(fov_deg: float, head: Head) -> None:
     assert far.max() < 0.4
 
 
-@settings(deadline=None)
 @given(st.floats(-50, 50), st.floats(0.01, 30))
 def test_stripes_are_averaged_over_a_footprint_of_any_size(at: float, footprint: float) -> None:
     inside = (np.linspace(at - footprint / 2, at + footprint / 2, 20001) - 0.5) % 8.0 < 3.0

@@ -56,7 +56,7 @@ def test_an_eye_that_never_moves_has_no_movements() -> None:
     assert movements(np.zeros((100, 2)), RATE_HZ) == []
 
 
-@settings(deadline=None, max_examples=15)
+@settings(max_examples=15)
 @given(
     seed=st.integers(0, 1000),
     shift=st.tuples(st.floats(-20, 20), st.floats(-20, 20)),
@@ -70,7 +70,7 @@ def test_neither_the_place_nor_the_unit_matters(seed: int, shift: tuple[float, f
     np.testing.assert_allclose(np.array([m[2:] for m in moved]), scale * np.array([m[2:] for m in plain]), rtol=1e-6)
 
 
-@settings(deadline=None, max_examples=15)
+@settings(max_examples=15)
 @given(seed=st.integers(0, 1000), quarter_turns=st.integers(0, 3))
 def test_a_quarter_turn_turns_the_movements(seed: int, quarter_turns: int) -> None:
     x = gaze(seed)
@@ -81,7 +81,7 @@ def test_a_quarter_turn_turns_the_movements(seed: int, quarter_turns: int) -> No
     np.testing.assert_allclose(ways[1], ways[0] @ turn, atol=1e-12)
 
 
-@settings(deadline=None, max_examples=15)
+@settings(max_examples=15)
 @given(seed=st.integers(0, 1000), angle=st.floats(0, 2 * np.pi))
 def test_any_turn_leaves_movements_alone_where_both_axes_are_equally_noisy(seed: int, angle: float) -> None:
     x = gaze(seed)

@@ -5,7 +5,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from entoptic.tracker_bridge.sources.hid.descriptor import (
@@ -208,7 +208,6 @@ def parses_or_refuses(data: bytes) -> None:
 
 
 @given(st.binary(max_size=200))
-@settings(max_examples=120, deadline=None)
 def test_any_bytes_are_read_or_refused(data: bytes) -> None:
     parses_or_refuses(data)
 
@@ -234,7 +233,6 @@ def mutated(data: bytes, changes: list[tuple[int, int, str]]) -> bytes:
 
 
 @given(mutations)
-@settings(max_examples=120, deadline=None)
 def test_a_damaged_descriptor_is_read_or_refused(changes: list[tuple[int, int, str]]) -> None:
     parses_or_refuses(mutated(DESCRIPTOR, changes))
 
@@ -245,7 +243,6 @@ def test_a_damaged_real_descriptor_is_read_or_refused(shared: Shared, name: str)
     data = shared(f"hid/{name}_report_descriptor.bin").read_bytes()
 
     @given(mutations)
-    @settings(max_examples=60, deadline=None)
     def check(changes: list[tuple[int, int, str]]) -> None:
         parses_or_refuses(mutated(data, changes))
 

@@ -4,7 +4,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from entoptic.tracker_bridge.samples import Eye, GazeSample, PupilSample
@@ -143,7 +143,6 @@ maybe_shares = st.none() | shares
     st.none() | st.floats(0, 600),
     maybe_shares,
 )
-@settings(max_examples=100, deadline=None)
 def test_samples_come_back_within_their_quanta(
     gazes: list[tuple[tuple[float, float], float]],
     diameter_mm: float | None,
@@ -259,7 +258,6 @@ def test_one_report_may_tell_of_the_tracker_and_of_the_eyes() -> None:
 
 
 @given(st.binary(min_size=110, max_size=110))
-@settings(max_examples=80, deadline=None)
 def test_samples_of_any_report_are_within_their_ranges(body: bytes) -> None:
     report = b"\x10" + body[:6] + b"\0\0" + body[8:]
     for sample in samples_of(read(TWIN, report), VIEWING, T_NS):

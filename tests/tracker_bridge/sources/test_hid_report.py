@@ -3,7 +3,7 @@ import struct
 from itertools import pairwise
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from entoptic.tracker_bridge.sources.hid.descriptor import ReportKind, parse_report_descriptor
@@ -171,7 +171,6 @@ def test_a_lost_packet_costs_two_reports_at_most() -> None:
 
 
 @given(st.lists(st.one_of(st.binary(max_size=64), st.sampled_from(packets(b"\x10" + bytes(110)))), max_size=30))
-@settings(max_examples=100, deadline=None)
 def test_any_packets_give_whole_reports_or_named_errors(sent: list[bytes]) -> None:
     reassembly = Reassembly(TWIN.values(), 64)
     for packet in sent:

@@ -294,7 +294,7 @@ def mutate(frames: list[bytes], which: int, mutations: list[tuple[float, bytes, 
 
 @pytest.mark.shared_data
 # The fixture only finds a file: nothing of it needs a reset.
-@settings(deadline=None, max_examples=150, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(st.data(), st.integers(0, 9), changes, st.floats(0.0, 1.0) | st.just(1.0))
 def test_spoiled_real_messages_raise_nothing(
     shared: Shared, data: st.DataObject, which: int, mutations: list[tuple[float, bytes, int]], cut: float
@@ -304,7 +304,6 @@ def test_spoiled_real_messages_raise_nothing(
     check(PupilBus(), mutate(frames, 0 if which == 0 else 1, mutations, cut))
 
 
-@settings(deadline=None, max_examples=300)
 @given(st.sampled_from(SUBSCRIPTIONS), st.binary(max_size=20), st.lists(st.binary(max_size=100), max_size=3))
 def test_any_bytes_under_any_topic_raise_nothing(topic: bytes, rest: bytes, frames: list[bytes]) -> None:
     check(PupilBus(), [topic + rest, *frames])

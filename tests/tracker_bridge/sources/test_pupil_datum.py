@@ -7,7 +7,7 @@ from typing import Any
 import msgpack
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from entoptic.tracker_bridge.samples import Eye, GazeSample, PupilSample
@@ -199,13 +199,11 @@ def read_gaze(payload: bytes) -> list[PupilSample | GazeSample]:
     return [*gaze_samples(datum, base)]
 
 
-@settings(deadline=None)
 @given(st.binary(max_size=200))
 def test_any_bytes_give_samples_or_a_source_error(payload: bytes) -> None:
     read_all(payload)
 
 
-@settings(deadline=None, max_examples=150)
 @given(mutations)
 def test_any_field_values_give_samples_or_a_source_error(fields: Map) -> None:
     read_all(msgpack.packb(PUPIL_3D | fields))

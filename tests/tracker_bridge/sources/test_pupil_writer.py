@@ -8,7 +8,7 @@ from typing import Any
 import msgpack
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
@@ -70,13 +70,11 @@ def test_a_simulated_recording_reads_back_the_same(tmp_path: Path) -> None:
     assert source.info.name == "Pupil recording one"
 
 
-@settings(deadline=None, max_examples=30)  # each example is a whole recording on the disk
 @given(st.lists(pupils | gazes, min_size=1, max_size=12, unique_by=sort_key))
 def test_any_samples_read_back_the_same(samples: list[Sample]) -> None:
     assert_same(sorted(samples, key=sort_key), there_and_back(samples))
 
 
-@settings(deadline=None, max_examples=30)  # each example is a whole recording on the disk
 @given(st.sets(st.sampled_from([None, *Eye]), min_size=1), st.lists(unit, min_size=3, max_size=3), side, side, times)
 def test_any_directions_of_one_time_read_back_the_same(
     eyes: set[Eye | None], confidences: list[float], azimuth: float, elevation: float, t_ns: int
@@ -87,7 +85,6 @@ def test_any_directions_of_one_time_read_back_the_same(
     assert_same(sorted(samples, key=sort_key), there_and_back(samples))
 
 
-@settings(deadline=None, max_examples=30)  # each example is a whole recording on the disk
 @given(st.integers(ELEVEN_DAYS_NS, HUNDRED_YEARS_NS))
 def test_times_of_a_clock_since_1970_come_back_within_a_microsecond(t_ns: int) -> None:
     samples: list[Sample] = [PupilSample(t_ns, Eye.LEFT, 4.0, 1.0, 1.0, 20.0)]

@@ -8,7 +8,7 @@ from typing import Any
 import msgpack
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from entoptic.tracker_bridge.samples import Eye, GazeSample, PupilSample
@@ -183,13 +183,11 @@ def open_bytes(contents: bytes) -> None:
         assert_in_order(source)
 
 
-@settings(deadline=None)
 @given(st.binary(max_size=100))
 def test_any_file_gives_samples_or_a_source_error(contents: bytes) -> None:
     open_bytes(contents)
 
 
-@settings(deadline=None, max_examples=300)
 @given(st.lists(st.tuples(st.integers(0, len(GOOD) - 1), st.integers(0, 255)), min_size=1, max_size=4))
 def test_a_file_with_flipped_bytes_gives_samples_or_a_source_error(flips: list[tuple[int, int]]) -> None:
     contents = bytearray(GOOD)

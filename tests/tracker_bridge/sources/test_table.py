@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from entoptic.tracker_bridge.samples import Eye, GazeSample, PupilSample
@@ -242,7 +242,6 @@ def test_a_table_that_no_shipped_map_fits_is_told_what_to_do(tmp_path: Path) -> 
 cells = st.text('0123456789.,-+eENan;"\nxi ', max_size=8)
 
 
-@settings(deadline=None)
 @given(st.lists(st.lists(cells, min_size=11, max_size=12), max_size=5))
 def test_any_cells_give_samples_or_a_source_error(rows: list[list[str]]) -> None:
     with tempfile.TemporaryDirectory() as name:

@@ -161,7 +161,7 @@ any_fault = st.one_of(
 
 
 @given(st.lists(any_fault, max_size=4))
-@settings(max_examples=12, deadline=None)
+@settings(max_examples=12)
 def test_any_faults_together_are_survived(faults: list[str]) -> None:
     time = Time()
     backend = TwinBackend(Played(4.0), faults, timekeeper=time)

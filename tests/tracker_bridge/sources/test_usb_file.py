@@ -2,7 +2,7 @@ from pathlib import Path
 
 import msgpack
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from played_tracker import Played, Time, samples_in
 
@@ -76,7 +76,6 @@ def test_a_packet_that_the_disk_takes_in_parts_is_whole_in_the_file(
 
 
 @given(st.integers(0, 100_000))
-@settings(max_examples=40, deadline=None)
 def test_a_file_cut_anywhere_is_read_up_to_its_last_whole_record(
     tmp_path_factory: pytest.TempPathFactory, cut: int
 ) -> None:
@@ -137,7 +136,6 @@ def test_a_missing_capture_is_named(tmp_path: Path) -> None:
 
 
 @given(st.binary(max_size=300))
-@settings(max_examples=100, deadline=None)
 def test_any_bytes_after_the_opening_are_read_or_refused(
     tmp_path_factory: pytest.TempPathFactory, noise: bytes
 ) -> None:

@@ -3,7 +3,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from entoptic.tracker_bridge.clock import ArrivalClock
@@ -88,7 +88,6 @@ def test_a_tracker_without_the_vendor_page_gives_the_gaze_of_both_eyes(shared: S
         max_size=40,
     )
 )
-@settings(max_examples=80, deadline=None)
 def test_any_packets_are_read_or_left_out_and_the_tracker_goes_on(packets: list[bytes]) -> None:
     own = stream()
     for at, packet in enumerate(packets):

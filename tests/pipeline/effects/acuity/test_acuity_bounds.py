@@ -3,7 +3,7 @@
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from entoptic.pipeline.effects.acuity import (
@@ -72,7 +72,6 @@ def within(actual: np.ndarray, bound: np.ndarray, range_: Range) -> None:
 
 
 @pytest.mark.parametrize("acuity", ACUITIES)
-@settings(max_examples=25, deadline=None)
 @given(rgb=frames)
 def test_a_skip_changes_no_more_than_its_bound(acuity: Acuity, rgb: np.ndarray) -> None:
     after = np.asarray(reduce_acuity(jnp.asarray(rgb), PPD, acuity))
@@ -81,7 +80,6 @@ def test_a_skip_changes_no_more_than_its_bound(acuity: Acuity, rgb: np.ndarray) 
 
 
 @pytest.mark.parametrize("acuity", ACUITIES)
-@settings(max_examples=25, deadline=None)
 @given(rgb=frames, seed=st.integers(0, 999), log10_share=st.floats(-4, 0))
 def test_a_change_before_becomes_no_more_than_its_bound(
     acuity: Acuity, rgb: np.ndarray, seed: int, log10_share: float

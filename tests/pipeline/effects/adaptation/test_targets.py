@@ -8,7 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 import scipy.stats
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
@@ -120,7 +120,6 @@ FRAMES = st.sampled_from([(1, 1), (5, 3), (9, 12)]).flatmap(
 )
 
 
-@settings(max_examples=40, deadline=None)
 @given(FRAMES, st.sampled_from(Target), st.booleans(), st.floats(-180, 180), st.floats(-90, 90))
 def test_a_target_lies_within_the_frame(
     luminance: np.ndarray, target: Target, robust: bool, azimuth_deg: float, elevation_deg: float

@@ -5,7 +5,7 @@ import math
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from entoptic.pipeline.effects.adaptation import exposure
@@ -174,7 +174,6 @@ def test_shown_between_nodes_as_by_interpolation_in_float64() -> None:
         np.testing.assert_allclose(picture[k], expected, atol=2e-6)
 
 
-@settings(max_examples=40, deadline=None)
 @given(
     seed=st.integers(0, 10_000),
     brightest=st.floats(0.01, 1.0),
@@ -191,7 +190,6 @@ def test_leaving_it_out_changes_no_more_than_the_bound(
     assert (largest_by_tile(picture.astype(np.float64) - image) <= bound * (1 + 1e-5) + 2e-6).all()
 
 
-@settings(max_examples=40, deadline=None)
 @given(seed=st.integers(0, 10_000), size=st.floats(1e-4, 0.5))
 def test_a_change_before_it_becomes_no_more_than_the_bound(seed: int, size: float) -> None:
     random = np.random.default_rng(seed)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from eye_contexts import glared
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from entoptic.pipeline import Frame, Glare, GlareLevel, GlareModel, Observer
@@ -89,7 +89,6 @@ def test_the_veil_alone_differs_by_no_more_than_is_said(level: GlareLevel) -> No
         assert (by_tile(full - veil, measured) <= bound * (1 + 1e-4) + rounding).all(), name
 
 
-@settings(max_examples=20, deadline=None)
 @given(
     seed=st.integers(0, 2**32 - 1),
     decades=st.floats(0, 8),

@@ -68,7 +68,7 @@ def test_off_the_axis_a_pixel_has_a_smaller_solid_angle() -> None:
     assert disc_cd_m2 == pytest.approx(1 / (np.pi * np.radians(0.4) ** 2))
 
 
-@settings(deadline=None, max_examples=40, suppress_health_check=[HealthCheck.too_slow])
+@settings(suppress_health_check=[HealthCheck.too_slow])
 @given(x=st.floats(70, 90), y=st.floats(60, 80))
 def test_a_distant_light_does_not_flicker_as_it_moves(x: float, y: float) -> None:
     """1 km away, on a boat that heaves: total flux to 1e-4, and what falls beyond 4 px of it to 1 %."""

@@ -5,7 +5,7 @@ import math
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from entoptic.pipeline.effects.glare import reference, veil
@@ -163,7 +163,6 @@ def test_tiny_and_odd_frames_have_the_exact_veil(view: View) -> None:
     np.testing.assert_allclose(got, truth, rtol=5e-3, atol=2e-3 * SHARE)
 
 
-@settings(max_examples=30, deadline=None)
 @given(
     st.sampled_from([View(31, 8, 140.0), View(9, 40, 17.0), View(20, 21, 90.0), View(5, 5, 175.0)]),
     st.integers(0, 2**32 - 1),

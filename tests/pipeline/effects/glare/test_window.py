@@ -81,7 +81,7 @@ def test_the_change_is_added_to_another_image(onto: bool, mixture: Mixture, meas
     np.testing.assert_allclose(drawn, alone - frame + 7, rtol=1e-5, atol=1e-4)
 
 
-@settings(deadline=None, max_examples=15, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=15, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(seed=st.integers(0, 1000), factor=st.floats(0.01, 100))
 def test_glare_is_linear_in_the_light(seed: int, factor: float, mixture: Mixture, measured: Measured) -> None:
     random = np.random.default_rng(seed)

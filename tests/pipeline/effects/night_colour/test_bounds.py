@@ -5,7 +5,7 @@ from __future__ import annotations
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from entoptic.pipeline.effects.night_colour import NightColour, NightMethod, shift
@@ -52,7 +52,6 @@ def frame(seed: int, spread: float, top: float) -> np.ndarray:
     )
 
 
-@settings(deadline=None, max_examples=60)
 @given(st.integers(0, 2**32 - 1), st.sampled_from([0.0, 0.05, 1.0]), NIGHTS, ADAPTED)
 def test_no_pixel_changes_by_more_than_stated(seed: int, spread: float, night: NightColour, adapted: float) -> None:
     displayed, scene = frame(seed, spread, 1.0), frame(seed + 1, spread, adapted * 10)
@@ -61,7 +60,6 @@ def test_no_pixel_changes_by_more_than_stated(seed: int, spread: float, night: N
     assert (change_of(displayed, shown) <= bound * (1 + 1e-5) + 1e-6).all()
 
 
-@settings(deadline=None, max_examples=60)
 @given(
     st.integers(0, 2**32 - 1), st.sampled_from([0.0, 0.05, 1.0]), st.sampled_from([1e-4, 0.02, 0.5]), NIGHTS, ADAPTED
 )

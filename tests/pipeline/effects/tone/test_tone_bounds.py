@@ -4,7 +4,7 @@ import dataclasses
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from entoptic.pipeline.display_light import black_share
@@ -86,7 +86,6 @@ def tone_of(operator: Operator, hue: Hue, curve_file: str, white: float = 2.0) -
 
 
 @pytest.mark.parametrize(("operator", "hue"), OPERATORS)
-@settings(max_examples=60, deadline=None)
 @given(pairs(), st.floats(-5, 5), st.floats(-5, 5), st.sampled_from([0.7, 2.0, 30.0]), DISPLAYS)
 def test_nothing_is_shown_or_changed_beyond_the_bounds(
     operator: Operator,
