@@ -9,7 +9,7 @@ import pytest
 from eye_contexts import glared
 
 from entoptic.pipeline.effects import glare
-from entoptic.pipeline.effects.glare import models, reference
+from entoptic.pipeline.effects.glare import models
 from entoptic.pipeline.effects.glare.kernel import Mixture, component
 from entoptic.pipeline.effects.glare.settings import Glare, GlareLevel
 from entoptic.pipeline.frame import Frame, FrameError, View
@@ -17,6 +17,7 @@ from entoptic.pipeline.measure import luminance
 from entoptic.pipeline.observer import Observer
 from entoptic.pipeline.optics import analytic, whole
 from entoptic.pipeline.optics.aperture import Pose
+from entoptic.pipeline.oracles import glare as reference
 from entoptic.pipeline.render import EyePose
 
 LEVELS = [GlareLevel.VEIL, GlareLevel.SOURCES, GlareLevel.WINDOW, GlareLevel.FRAME]

@@ -5,10 +5,10 @@ import time
 import numpy as np
 import pytest
 
-from entoptic.pipeline.effects.glare import reference
 from entoptic.pipeline.effects.glare.kernel import Veil, component
 from entoptic.pipeline.frame import View
 from entoptic.pipeline.optics import analytic, radial
+from entoptic.pipeline.oracles import glare as reference
 
 CIE = Veil(analytic.cie135, (60.0, 1.0))
 SHARE = radial.hemisphere_volume(CIE.density)

@@ -8,11 +8,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from entoptic.pipeline.effects.glare import reference, veil
+from entoptic.pipeline.effects.glare import veil
 from entoptic.pipeline.effects.glare.kernel import Mixture, Veil, component
 from entoptic.pipeline.frame import View
 from entoptic.pipeline.measure import luminance
 from entoptic.pipeline.optics import analytic, radial
+from entoptic.pipeline.oracles import glare as reference
 
 CIE = Veil(analytic.cie135, (35.0, 0.5))
 SHARE = radial.hemisphere_volume(CIE.density)
