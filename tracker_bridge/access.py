@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ipaddress
+import threading
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -99,3 +100,29 @@ def is_known(public: bytes, clients: Path) -> bool:
         except (OSError, ValueError):
             continue
     return False
+
+
+class Authenticator:
+    """Answers libzmq from a thread of its own until the context ends. To be made before any socket is bound."""
+
+    def __init__(self, context: zmq.Context[zmq.Socket[bytes]], keys: ServerKeys) -> None:
+        socket = context.socket(zmq.REP)
+        socket.setsockopt(zmq.LINGER, 0)
+        socket.bind(ZAP_ADDRESS)
+        self._thread = threading.Thread(target=self._serve, args=(socket, keys), name="authenticator", daemon=True)
+        self._thread.start()
+
+    @staticmethod
+    def _serve(socket: zmq.Socket[bytes], keys: ServerKeys) -> None:
+        try:
+            while True:
+                socket.send_multipart(zap_reply(socket.recv_multipart(), keys))
+        except zmq.ContextTerminated:
+            pass
+        finally:
+            # Whatever happens: the context waits for its sockets to be closed.
+            socket.close(linger=0)
+
+    def join(self) -> None:
+        """Waits for the thread; once the context is being ended."""
+        self._thread.join()

@@ -3,8 +3,7 @@
 Theory of operation: three sockets, of which two publish. The bridge waits for no reader: one whose queue is full goes
 without, and nobody else notices; the numbers show it what it missed. XPUB with NODROP says that a queue has become
 full, so that it can be counted. Every event is also kept in a ring (replay.py), and a thread of its own answers readers
-that ask for those they missed, whatever the bridge's thread does; it sleeps in the kernel otherwise. The same thread
-says who may come in.
+that ask for those they missed, whatever the bridge's thread does; it sleeps in the kernel otherwise.
 
 Memory: the ring's 17 MB; for a reader that has stalled SEND_QUEUE messages of a socket, which are 0.5 MB of states; for
 one that asks without reading ANSWER_QUEUE answers, 0.1 MB; beside what the kernel buffers for a connection.
@@ -19,7 +18,7 @@ import zmq
 
 from entoptic.errors import EntopticError
 from entoptic.tracker_bridge import access, replay, wire
-from entoptic.tracker_bridge.access import ServerKeys
+from entoptic.tracker_bridge.access import Authenticator, ServerKeys
 from entoptic.tracker_bridge.events import Event, Heartbeat
 from entoptic.tracker_bridge.samples import EyeState
 
@@ -80,13 +79,17 @@ class Publisher:
         if keys is None:
             access.refuse_open((states_address, events_address, replay_address))
         self._context: zmq.Context[zmq.Socket[bytes]] = zmq.Context()
+        self._authenticator = None if keys is None else Authenticator(self._context, keys)
+        self._sockets: list[zmq.Socket[bytes]] = []
         try:
-            self._door = None if keys is None else self._open_door()
             self._states = self._bind(zmq.XPUB, states_address, keys)
             self._events = self._bind(zmq.XPUB, events_address, keys)
             replies = self._bind(zmq.REP, replay_address, keys)
         except PortInUseError:
-            self._context.destroy(linger=0)
+            # Those of this thread alone: the authenticator's thread closes its own when the context ends.
+            for socket in self._sockets:
+                socket.close(linger=0)
+            self._context.term()
             raise
         self._replay_at = replies.getsockopt_string(zmq.LAST_ENDPOINT)
         self._replay_port = int(self._replay_at.rpartition(":")[2])
@@ -95,11 +98,12 @@ class Publisher:
         self._stream = secrets.randbits(53)  # fits a double, for languages that know no other number
         self.stalls = 0
         """How often a reader fell behind by a whole queue, so that messages are left out for it."""
-        self._clerk = threading.Thread(target=self._serve, args=(replies, keys), name="replay", daemon=True)
-        self._clerk.start()
+        self._replay_thread = threading.Thread(target=self._serve, args=(replies,), name="replay", daemon=True)
+        self._replay_thread.start()
 
     def _bind(self, kind: int, address: str, keys: ServerKeys | None) -> zmq.Socket[bytes]:
         socket = self._context.socket(kind)
+        self._sockets.append(socket)
         for option, value in KEEPALIVE:
             socket.setsockopt(option, value)
         socket.setsockopt(zmq.MAXMSGSIZE, MAX_REQUEST_BYTES)
@@ -115,13 +119,6 @@ class Publisher:
             keys.use(socket)
         bind(socket, address)
         return socket
-
-    def _open_door(self) -> zmq.Socket[bytes]:
-        """Before any socket is bound: libzmq shuts everybody out while nobody answers here."""
-        door = self._context.socket(zmq.REP)
-        door.setsockopt(zmq.LINGER, 0)
-        door.bind(access.ZAP_ADDRESS)
-        return door
 
     @property
     def context(self) -> zmq.Context[zmq.Socket[bytes]]:
@@ -177,34 +174,25 @@ class Publisher:
                 # 1 or 0, and the topic, of which there is but one.
                 self._subscribed[socket] += {b"\x01": 1, b"\x00": -1}.get(socket.recv()[:1], 0)
 
-    def _serve(self, replies: zmq.Socket[bytes], keys: ServerKeys | None) -> None:
-        """The other thread: answers until the context ends. Nothing else touches these two sockets."""
-        poller = zmq.Poller()
-        poller.register(replies, zmq.POLLIN)
-        if self._door is not None:
-            poller.register(self._door, zmq.POLLIN)
+    def _serve(self, replies: zmq.Socket[bytes]) -> None:
+        """The other thread: answers until the context ends. Nothing else touches this socket."""
         try:
             while True:
-                ready = dict(poller.poll())
-                if replies in ready:
-                    request = replies.recv_multipart()
-                    replies.send(replay.answer(self._ring, b"".join(request)))
-                if self._door is not None and keys is not None and self._door in ready:
-                    self._door.send_multipart(access.zap_reply(self._door.recv_multipart(), keys))
+                replies.send(replay.answer(self._ring, b"".join(replies.recv_multipart())))
         except zmq.ContextTerminated:
             pass
         finally:
             # Whatever happens: the context waits for its sockets to be closed.
             replies.close(linger=0)
-            if self._door is not None:
-                self._door.close(linger=0)
 
     def close(self, linger_ms: int = LINGER_MS) -> None:
         """Sends what is queued, for so long at most, and closes."""
         self._states.close(linger_ms)
         self._events.close(linger_ms)
         self._context.term()
-        self._clerk.join()
+        self._replay_thread.join()
+        if self._authenticator is not None:
+            self._authenticator.join()
 
 
 def _another_port(address: str) -> str:

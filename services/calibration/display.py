@@ -22,8 +22,7 @@ import time
 import msgspec
 import zmq
 
-from entoptic.services.ipc.authenticator import Authenticator
-from entoptic.tracker_bridge.access import ServerKeys, refuse_open
+from entoptic.tracker_bridge.access import Authenticator, ServerKeys, refuse_open
 from entoptic.tracker_bridge.calibration import ShowScreen
 from entoptic.tracker_bridge.clock import RoundTripClock
 from entoptic.tracker_bridge.events import ClockEstimated

@@ -7,5 +7,4 @@ handler.py        answers, in the process that is asked
 status.py         how each of them is, and what is wrong with it
 messages.py       what a worker publishes: pictures, plans, and what a game engine needs
 shown_reader.py   the newest frame's figures, for somebody who looks now and then
-authenticator.py  who may connect where there are keys
 """

@@ -22,13 +22,12 @@ from entoptic.pipeline import Display, GlareLevel, as_displayed
 from entoptic.pipeline.effects.glare import GLARE
 from entoptic.pipeline.effects.glare.window import rectangle_px
 from entoptic.services.ipc import messages
-from entoptic.services.ipc.authenticator import Authenticator
 from entoptic.services.ipc.messages import EyeShown, LatencyMs, Picture, Shown, StepShown
 from entoptic.services.rendering import Rendered
 from entoptic.services.results.frames import side_by_side
 from entoptic.services.settings import Settings
 from entoptic.services.worker import engine
-from entoptic.tracker_bridge.access import OpenAddressError, ServerKeys, is_local
+from entoptic.tracker_bridge.access import Authenticator, OpenAddressError, ServerKeys, is_local
 from entoptic.tracker_bridge.publisher import KEEPALIVE, PortInUseError, bind
 from entoptic.tracker_bridge.wire import Eye
 

@@ -12,7 +12,7 @@ import zmq
 
 from entoptic.tracker_bridge import publisher as publishing
 from entoptic.tracker_bridge import wire
-from entoptic.tracker_bridge.access import OpenAddressError
+from entoptic.tracker_bridge.access import OpenAddressError, ServerKeys
 from entoptic.tracker_bridge.events import BlinkOnset, Event, Heartbeat, SourceBack, StreamEnded, StreamStarted
 from entoptic.tracker_bridge.publisher import SEND_QUEUE, PortInUseError, Publisher
 from entoptic.tracker_bridge.samples import Direction, Eye, EyeState, OneEyeState, Phase
@@ -231,3 +231,9 @@ def test_the_reader_in_the_documentation_reads(
         "event 1 StreamStarted", "event 2 BlinkOnset", "event 3 StreamEnded"
     ]  # fmt: skip
     assert any(line.startswith("state") and "4.1 mm" in line for line in printed)
+
+
+def test_a_port_that_is_taken_is_told_of_where_there_are_keys_too(publisher: Publisher, tmp_path: Path) -> None:
+    public, secret = zmq.curve_keypair()
+    with pytest.raises(PortInUseError):
+        Publisher(ANY, publisher.addresses[1], keys=ServerKeys(public, secret, tmp_path))
