@@ -8,7 +8,6 @@ from typing import Annotated
 
 import typer
 from rich.markup import escape
-from rich.progress import Progress
 
 from entoptic.services.command_line import options
 from entoptic.services.config import SettingsConfig, StillConfig
@@ -44,7 +43,7 @@ def explain(
     from entoptic.services import settings as all_settings
     from entoptic.services.explain import page, subject, timeline, variants
 
-    page.refuse_unwritable(output)
+    subject.refuse_unwritable(output)
     session = subject.is_session(target)
     if frame is not None and not session:
         raise FrameError(f"--frame {frame}: {target} is no session; leave --frame out, or name a session's folder")
@@ -62,8 +61,7 @@ def explain(
         console.print(f"• {escape(note)}")
     # An offline session was planned with the shipped costs.
     costs = SHIPPED if session and settings.budget_ms is None else load_costs(cache_folder())
-    with Progress(console=console, transient=True, disable=not console.is_terminal) as progress:
-        bar = progress.add_task("perceiving", total=variants.variants())
-        explained = variants.explain(seen, lambda: progress.update(bar, advance=1), costs)
+    with console.status("perceiving the frame with and without each effect"):
+        explained = variants.explain(seen, costs)
     page.write(output, seen, explained, course)
     console.print(f"wrote [b]{escape(str(output))}[/b]", soft_wrap=True)

@@ -6,10 +6,12 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
+from rich.markup import escape
+from rich.table import Table
 
 from entoptic.services.command_line import options
 from entoptic.services.config import SettingsConfig, StillConfig
-from entoptic.services.process import prepare_jax
+from entoptic.services.process import cache_folder, prepare_jax
 from entoptic.services.terminal import console
 
 
@@ -20,10 +22,25 @@ def render(
     settings: SettingsConfig,
     output: Annotated[Path, typer.Option("--output", "-o", help="PNG file to write.")] = Path("perceived.png"),
 ) -> None:
-    """Perceive one HDR image."""
+    """Perceive one HDR image, and print the plan."""
     prepare_jax()
-    from entoptic.services import render as renders
+    from entoptic.pipeline.budget import load as load_costs
+    from entoptic.pipeline.sinks.images import still_path, write_still
     from entoptic.services import settings as all_settings
-    from entoptic.services.explain.subject import from_image
+    from entoptic.services.explain import subject
 
-    renders.run(from_image(image, still, all_settings.of(settings)), output, console)
+    seen = subject.from_image(image, still, all_settings.of(settings))
+    display = seen.settings.display
+    subject.refuse_unwritable(output, still_path(output, display).suffix)
+    for note in seen.notes:
+        console.print(f"• {escape(note)}")
+    perceived = seen.perceived(load_costs(cache_folder()))
+    write_still(output, perceived.image[0], display)
+    table = Table("effect", "level", "why", "hides at most", "ms")
+    for step in perceived.plan:
+        milliseconds = perceived.milliseconds.get(step.effect)
+        hides = f"{step.bound_code_values:.2g}" if step.bound_code_values else ""
+        took = "" if milliseconds is None else f"{milliseconds:.0f}"
+        table.add_row(step.effect, step.level, step.reason, hides, took)
+    console.print(table)
+    console.print(f"pupil {perceived.pupil_mm[0]:.2f} mm, wrote [b]{escape(str(output))}[/b]", soft_wrap=True)

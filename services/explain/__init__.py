@@ -1,8 +1,1 @@
-"""What the planner saw, decided and why, as a picture.
-
-subject.py   what is explained: a frame and how it was looked at, from a file or a session
-variants.py  the frame as planned, with everything on, and without each effect
-timeline.py  a session's plan over its time
-panels.py    the parts of the picture
-page.py      the picture
-"""
+"""What the planner saw, decided and why, as a picture: a subject in all its variants, and a session's timeline."""

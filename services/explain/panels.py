@@ -6,12 +6,10 @@ import math
 from collections.abc import Sequence
 
 import numpy as np
-import scipy.ndimage
 from jaxtyping import Float, UInt8
 from matplotlib.axes import Axes
 from matplotlib.colors import LogNorm, SymLogNorm, to_rgb
 from matplotlib.figure import SubFigure
-from numpy.typing import NDArray
 
 INK, FAINT = "#1c1d20", "#75787e"
 SHOWN_PX = 640
@@ -81,15 +79,13 @@ def difference(figure: SubFigure, axes: Axes, code_values: Float[np.ndarray, "y 
     """Full minus planned; the scale is linear up to one code value and logarithmic beyond."""
     small = extreme(code_values)
     most = max(float(np.abs(code_values).max()), 1.0)
-    shown = axes.imshow(
-        small, norm=SymLogNorm(1.0, vmin=-most, vmax=most), cmap="RdBu_r", interpolation="nearest",
-        extent=(0, code_values.shape[1], code_values.shape[0], 0),
-    )  # fmt: skip
+    norm, extent = SymLogNorm(1.0, vmin=-most, vmax=most), (0, code_values.shape[1], code_values.shape[0], 0)
+    shown = axes.imshow(small, "RdBu_r", norm, interpolation="nearest", extent=extent)
     _bare(axes, title)
     bar = figure.colorbar(shown, ax=axes, fraction=0.046, pad=0.02)
     steps = [step for step in (1, 3, 10, 30, 100, 300) if step <= most]
-    bar.set_ticks([-step for step in reversed(steps)] + [0] + steps)
-    bar.ax.set_yticklabels([f"{tick:+g}" if tick else "0" for tick in bar.get_ticks()])
+    ticks = [*(-step for step in reversed(steps)), 0, *steps]
+    bar.set_ticks(ticks, labels=[f"{tick:+g}" if tick else "0" for tick in ticks])
     bar.minorticks_off()
     bar.set_label("code values", color=INK)
 
@@ -97,32 +93,17 @@ def difference(figure: SubFigure, axes: Axes, code_values: Float[np.ndarray, "y 
 def touched(
     axes: Axes, image: UInt8[np.ndarray, "y x 3"], change: Float[np.ndarray, "y x"], colour: str, title: str
 ) -> None:
-    """Where an effect changes the picture: the picture in grey, tinted the more the more changed, and outlined."""
+    """Where an effect changes the picture: the picture in grey, tinted the more the more changed."""
     small = extreme(change)
     grey = image.mean(-1) / 255
     block = math.ceil(max(change.shape) / SHOWN_PX)
     grey = grey[::block, ::block][: small.shape[0], : small.shape[1], None]
     # One code value is tinted a quarter, a hundred and more in full.
     tint = np.where(small >= 1, 0.25 + 0.75 * np.clip(np.log10(np.maximum(small, 1)) / 2, 0, 1), 0.0)[..., None]
-    axes.imshow(
-        (1 - tint) * (0.15 + 0.85 * grey) + tint * np.array(to_rgb(colour)),
-        interpolation="antialiased", extent=(0, change.shape[1], change.shape[0], 0),
-    )  # fmt: skip
-    outlined = _coarse(small >= 1)
-    if outlined.any() and not outlined.all():
-        rows, columns = outlined.shape
-        x, y = ((np.arange(n) + 0.5) * size / n for n, size in ((columns, change.shape[1]), (rows, change.shape[0])))
-        axes.contour(x, y, outlined.astype(float), [0.5], colors=[colour], linewidths=1.2)
+    tinted = (1 - tint) * (0.15 + 0.85 * grey) + tint * np.array(to_rgb(colour))
+    axes.imshow(tinted, interpolation="antialiased", extent=(0, change.shape[1], change.shape[0], 0))
     _bare(axes, title)
     axes.title.set_color(colour)
-
-
-def _coarse(mask: NDArray[np.bool_], block: int = 8) -> NDArray[np.bool_]:
-    """Where a mask holds for most of a block and its neighbours: an outline of every speck could not be read."""
-    rows, columns = (max(size // block, 1) for size in mask.shape)
-    cut = mask[: rows * block, : columns * block]
-    most = cut.reshape(rows, cut.shape[0] // rows, columns, cut.shape[1] // columns).mean((1, 3)) >= 0.5
-    return np.asarray(scipy.ndimage.binary_opening(most, np.ones((2, 2), bool)))
 
 
 def _gaze(axes: Axes, gaze_px: Sequence[tuple[float, float]]) -> None:
@@ -133,8 +114,6 @@ def _gaze(axes: Axes, gaze_px: Sequence[tuple[float, float]]) -> None:
 
 def _bare(axes: Axes, title: str) -> None:
     image = axes.images[0].get_extent()
-    axes.set(xlim=sorted(image[:2]), ylim=sorted(image[2:], reverse=True))
-    axes.set_xticks([])
-    axes.set_yticks([])
+    axes.set(xlim=sorted(image[:2]), ylim=sorted(image[2:], reverse=True), xticks=[], yticks=[])
     axes.spines[:].set_visible(False)
     axes.set_title(title, size=11, color=INK)

@@ -54,6 +54,16 @@ class Subject:
         )
 
 
+def refuse_unwritable(path: Path, suffix: str = ".png") -> None:
+    """Raises FrameError for a path that no such picture can be written to, before any work is done."""
+    if path.suffix.lower() != suffix:
+        raise FrameError(f"output {path}: the picture is written as {suffix}; name it {path.with_suffix(suffix)}")
+    if path.is_dir():
+        raise FrameError(f"output {path}: that is a folder; name a file in it")
+    if not path.parent.is_dir():
+        raise FrameError(f"output {path}: there is no folder {path.parent}; make it first")
+
+
 def from_image(image: str, still: StillConfig, settings: Settings) -> Subject:
     """An image, or the first frame of a scene, before one eye. Raises FrameError for what cannot be seen or read."""
     lights = tuple(_light(text) for text in still.lights)

@@ -4,17 +4,19 @@ from __future__ import annotations
 
 import csv
 import dataclasses
+import itertools
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from entoptic.pipeline import FrameError
+from entoptic.services.results.tally import LATENCIES
 
 LEVEL, REASON, MS = "_level", "_reason", "_ms"
 """Ends of plan.csv's columns."""
-NOT_A_FRAMES_WORK = frozenset({"total", "scene", "sample_to_state", "state_to_frame", "frame_to_sink"})
-"""Times that are no part of perceiving: their sum, making the scene, and the latencies of a live frame."""
+NOT_A_FRAMES_WORK = {"total_ms", "scene_ms", *LATENCIES}
+"""Columns that are no part of perceiving: their sum, making the scene, and the latencies of a live frame."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -47,8 +49,8 @@ class Timeline:
     @property
     def changes(self) -> tuple[Span, ...]:
         """The levels that followed on another, by time."""
-        first = {effect: next(span for span in self.spans if span.effect == effect) for effect in self.effects}
-        return tuple(sorted((span for span in self.spans if span is not first[span.effect]), key=lambda s: s.begin_s))
+        later = [span for before, span in itertools.pairwise(self.spans) if before.effect == span.effect]
+        return tuple(sorted(later, key=lambda span: span.begin_s))
 
 
 def read(path: Path) -> Timeline:
@@ -60,21 +62,12 @@ def read(path: Path) -> Timeline:
     t_s = np.array([float(row["t_s"]) for row in rows])
     step_s = float(np.median(np.diff(t_s))) if t_s.size > 1 else 1.0
     ends_s = np.append(t_s[1:], t_s[-1] + step_s)
-    effects = [name.removesuffix(LEVEL) for name in rows[0] if name.endswith(LEVEL)]
-    parts = [name.removesuffix(MS) for name in rows[0] if name.endswith(MS)]
-    return Timeline(
-        t_s,
-        tuple(span for effect in effects for span in _spans(effect, rows, t_s, ends_s)),
-        {part: np.array([float(row[part + MS]) for row in rows]) for part in parts if part not in NOT_A_FRAMES_WORK},
-    )
-
-
-def _spans(
-    effect: str, rows: list[dict[str, str]], t_s: NDArray[np.float64], ends_s: NDArray[np.float64]
-) -> list[Span]:
-    levels = [row[effect + LEVEL] for row in rows]
-    begins = [k for k in range(len(rows)) if k == 0 or levels[k] != levels[k - 1]]
-    return [
-        Span(effect, levels[k], float(t_s[k]), float(ends_s[end - 1]), rows[k][effect + REASON])
-        for k, end in zip(begins, [*begins[1:], len(rows)], strict=True)
-    ]
+    spans = []
+    for effect in (name.removesuffix(LEVEL) for name in rows[0] if name.endswith(LEVEL)):
+        levels = [row[effect + LEVEL] for row in rows]
+        begins = [k for k in range(len(rows)) if k == 0 or levels[k] != levels[k - 1]]
+        for k, end in zip(begins, [*begins[1:], len(rows)], strict=True):
+            spans.append(Span(effect, levels[k], float(t_s[k]), float(ends_s[end - 1]), rows[k][effect + REASON]))
+    parts = [name for name in rows[0] if name.endswith(MS) and name not in NOT_A_FRAMES_WORK]
+    times = {name.removesuffix(MS): np.array([float(row[name]) for row in rows]) for name in parts}
+    return Timeline(t_s, tuple(spans), times)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable
 
 import numpy as np
 from jaxtyping import Float
@@ -54,17 +53,11 @@ class Explained:
         return np.take_along_axis(apart, np.abs(apart).argmax(-1)[..., None], -1)[..., 0]
 
 
-def explain(subject: Subject, done: Callable[[], None] = lambda: None, costs: CostModel = SHIPPED) -> Explained:
-    """Perceives the frame in all its variants. `done` is told of each; there are `variants()` of them at most.
-
-    `costs` matter where the settings' plan has a budget.
-    """
+def explain(subject: Subject, costs: CostModel = SHIPPED) -> Explained:
+    """Perceives the frame in all its variants. `costs` matter where the settings' plan has a budget."""
     subject.perceived(costs)  # compiles: its times mean nothing
-    done()
     planned = subject.perceived(costs)
-    done()
     full = subject.perceived(costs, Planning(everything=True))
-    done()
     touched = {}
     levels = {
         effect.name: effect.at_level(effect.settings_of(subject.settings), planned.plan[effect.name].level)
@@ -79,13 +72,7 @@ def explain(subject: Subject, done: Callable[[], None] = lambda: None, costs: Co
             left_out = frozenset(one.effect for one in planned.plan if one.level == SKIPPED) | {step.effect}
             without = as_planned.perceived(costs, Planning(everything=True, leave_out=left_out))
             touched[step.effect] = Touch(np.abs(code_values(planned) - code_values(without)).max(-1))
-        done()
     return Explained(planned, full, touched)
-
-
-def variants() -> int:
-    """How often `explain` tells that something is done."""
-    return 3 + len(EFFECTS)
 
 
 def code_values(perceived: Perceived) -> Float[np.ndarray, "eye y x 3"]:

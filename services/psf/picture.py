@@ -15,6 +15,7 @@ import numpy as np
 from jaxtyping import Float, UInt8
 from numpy.typing import NDArray
 
+from entoptic.pipeline.effects.encode import srgb_signal
 from entoptic.pipeline.effects.glare.models import GlareModel
 from entoptic.pipeline.frame import LUMINANCE_WEIGHTS
 from entoptic.pipeline.observer import Observer
@@ -47,20 +48,16 @@ def radiance(subject: Subject, size_px: int, field_deg: float) -> Float[np.ndarr
     pixels_per_deg = size_px / field_deg
     light = _formula(_without_core(subject), size_px, pixels_per_deg)
     if subject.model is GlareModel.WAVE:
-        light = light + _core(subject, size_px, pixels_per_deg)
+        nm, rgb = subject.light()
+        weights = rgb * np.array([subject.core_share(float(at)) for at in nm])[:, None]
+        # float32: half the time, and a picture has 256 steps.
+        core = subject.core().astype(np.float32)
+        light = light + np.asarray(spectrum.scaled_kernel(core, nm, weights, pixels_per_deg, radius_px=size_px // 2))
     return light / math.radians(1 / pixels_per_deg) ** 2
 
 
-def _core(subject: Subject, size_px: int, pixels_per_deg: float) -> NDArray[np.float64]:
-    nm, rgb = subject.light()
-    weights = rgb * np.array([subject.core_share(float(at)) for at in nm])[:, None]
-    # float32: half the time, and a picture has 256 steps.
-    core = subject.core().astype(np.float32)
-    return np.asarray(spectrum.scaled_kernel(core, nm, weights, pixels_per_deg, radius_px=size_px // 2))
-
-
 def _without_core(subject: Subject) -> Subject:
-    """All of a subject that its formula depends on, so that pictures of one sheet or film need it once."""
+    """All of a subject that its formula depends on, so that pictures of one sheet need it once."""
     person = Observer(age_years=subject.observer.age_years, iris=subject.observer.iris)
     pupil_mm = subject.pose.pupil_mm if subject.model is GlareModel.IJSPEERT else PUPIL_RANGE_MM[0]
     return dataclasses.replace(subject, observer=person, pose=Pose(pupil_mm))
@@ -69,15 +66,13 @@ def _without_core(subject: Subject) -> Subject:
 @functools.lru_cache(maxsize=4)
 def _formula(subject: Subject, size_px: int, pixels_per_deg: float) -> NDArray[np.float64]:
     nm, rgb = subject.light()
-    channels = []
-    for channel in rgb.T:
 
-        def of_channel(deg: NDArray[np.float64], weights: NDArray[np.float64] = channel) -> NDArray[np.float64]:
-            parts = (weight * subject.formula(deg, float(at)) for weight, at in zip(weights, nm, strict=True))
-            return np.asarray(sum(parts))
+    def of_channel(deg: NDArray[np.float64], weights: NDArray[np.float64]) -> NDArray[np.float64]:
+        return np.asarray(sum(weight * subject.formula(deg, float(at)) for weight, at in zip(weights, nm, strict=True)))
 
-        channels.append(radial.pixel_integrated(of_channel, pixels_per_deg, size_px // 2, size_px // 2))
-    return np.stack(channels)
+    radius = size_px // 2
+    channels = (functools.partial(of_channel, weights=weights) for weights in rgb.T)
+    return np.stack([radial.pixel_integrated(channel, pixels_per_deg, radius, radius) for channel in channels])
 
 
 def displayed(rgb_per_sr: Float[np.ndarray, "3 k k"], scale: Scale = SCALE) -> UInt8[np.ndarray, "k k 3"]:
@@ -90,5 +85,4 @@ def displayed(rgb_per_sr: Float[np.ndarray, "3 k k"], scale: Scale = SCALE) -> U
     with np.errstate(divide="ignore", invalid="ignore"):
         room = np.where(colour > 0, (1 - grey) / colour, np.where(colour < 0, -grey / colour, np.inf))
     linear = np.clip(grey + colour * np.minimum(room.min(axis=0), 1), 0, 1)
-    code = np.where(linear <= 0.0031308, linear * 12.92, 1.055 * linear ** (1 / 2.4) - 0.055)
-    return np.asarray(np.rint(code * 255), np.uint8).transpose(1, 2, 0)
+    return np.asarray(np.rint(srgb_signal(linear) * 255), np.uint8).transpose(1, 2, 0)

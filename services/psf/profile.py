@@ -6,10 +6,9 @@ the rings' means, scaled to each wavelength with its energy, and beyond it CIE 1
 
 from __future__ import annotations
 
-import csv
 import functools
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -76,33 +75,30 @@ def ratios(subject: Subject, other: Subject) -> Angles:
 
 
 def write_tables(subject: Subject, folder: Path) -> None:
-    """profile.csv and encircled.csv: a row for each angle, a column for each wavelength and one for the light."""
-    light = f"luminous_{Path(subject.spectrum).stem}"
-    functions = [encircled(subject, nm) for nm in TABLE_NM] + [luminous(subject)]
-    names = ["theta_deg", *(f"{nm:.0f}_nm" for nm in TABLE_NM), light]
-    edges = _ring_edges()
-    _write(folder / "profile.csv", names, [density(within, *edges) for within in functions])
-    _write(folder / "encircled.csv", names, [within(THETA_DEG) for within in functions])
+    """profile.csv and encircled.csv, a row an angle and a column a wavelength and one for the light; and mtf.csv.
 
-
-def write_transfer(subject: Subject, folder: Path) -> None:
-    """mtf.csv: contrast that is left at each spatial frequency, by the formulas and by a clear pupil's diffraction."""
+    mtf.csv has the contrast that is left at each spatial frequency by the formulas and by a clear pupil's diffraction.
+    """
+    functions = {f"{nm:.0f}_nm": encircled(subject, nm) for nm in TABLE_NM}
+    functions[f"luminous_{Path(subject.spectrum).stem}"] = luminous(subject)
+    edges, angles = _ring_edges(), {"theta_deg": THETA_DEG}
+    rings = {name: density(within, *edges) for name, within in functions.items()}
+    _write(folder / "profile.csv", angles | rings)
+    _write(folder / "encircled.csv", angles | {name: within(THETA_DEG) for name, within in functions.items()})
     age, pupil_mm = subject.observer.age_years, subject.pose.diameter_m * 1e3
-    columns = {
+    transfer = {
+        "cycles_per_deg": CPD,
         "cie135": analytic.cie135_mtf(CPD, age, subject.pigmentation),
         "ijspeert": analytic.ijspeert_mtf(CPD, pupil_mm, age, analytic.STRAYLIGHT[subject.observer.iris]),
         "spe": analytic.spe_mtf(CPD, subject.adapted_cd_m2, age),
         "clear_pupil_555_nm": analytic.diffraction_mtf(CPD, pupil_mm, 555.0),
     }
-    _write(folder / "mtf.csv", ["cycles_per_deg", *columns], list(columns.values()), CPD)
+    _write(folder / "mtf.csv", transfer)
 
 
-def _write(path: Path, names: Sequence[str], columns: Sequence[Angles], rows: Angles = THETA_DEG) -> None:
-    with path.open("w", newline="", encoding="utf-8") as file:
-        table = csv.writer(file)
-        table.writerow(names)
-        for row in zip(rows, *columns, strict=True):
-            table.writerow([f"{value:.6g}" for value in row])
+def _write(path: Path, columns: dict[str, Angles]) -> None:
+    rows, names = np.stack(list(columns.values()), axis=1), ",".join(columns)
+    np.savetxt(path, rows, "%.6g", ",", header=names, comments="", encoding="utf-8")
 
 
 def _ring_edges() -> tuple[Angles, Angles]:

@@ -4,78 +4,20 @@ from __future__ import annotations
 
 import dataclasses
 import math
-import time
 from pathlib import Path
 
 import numpy as np
 from rich.console import Console
 from rich.markup import escape
-from rich.progress import Progress
+from rich.progress import track
 from rich.table import Table
 
 from entoptic.pipeline.effects.glare.models import GRID, GlareModel
 from entoptic.pipeline.optics.aperture import pupil_plane
-from entoptic.services.psf import film, layout, plots, profile
+from entoptic.services.psf import plots, profile, sheets
 from entoptic.services.psf.picture import SCALE, Scale, displayed, radiance
-from entoptic.services.psf.sheets import SHEETS
 from entoptic.services.psf.subject import Subject
 from entoptic.services.results.folder import results_folder
-
-
-@dataclasses.dataclass(frozen=True)
-class Wanted:
-    """What is to be written."""
-
-    size_px: int
-    field_deg: float
-    sheets: bool
-    film_s: float | None
-
-
-def run(subject: Subject, wanted: Wanted, out: Path, console: Console) -> None:
-    """Writes everything into a folder, whole or not at all, and prints what was measured.
-
-    Raises ResultsFolderError if the folder cannot be written, OpticsError for an eye or a light that cannot be shown.
-    """
-    began = time.perf_counter()
-    # Refused before anything is computed or written.
-    subject.light()
-    waves = dataclasses.replace(subject, model=GlareModel.WAVE)
-    with results_folder(out) as folder:
-        _write_eye(subject, wanted, folder, console)
-        if wanted.sheets:
-            _write_sheets(waves, folder, console)
-        if wanted.film_s is not None:
-            with Progress(console=console) as progress:
-                task = progress.add_task("film")
-                film.write(
-                    folder, waves, wanted.film_s, lambda done, of: progress.update(task, completed=done, total=of)
-                )
-        names = sorted(path.name for path in folder.iterdir())
-    elapsed_s = time.perf_counter() - began
-    console.print(f"wrote [b]{escape(str(out))}[/b] in {elapsed_s:.1f} s: {', '.join(names)}", soft_wrap=True)
-
-
-def _write_eye(subject: Subject, wanted: Wanted, folder: Path, console: Console) -> None:
-    size_px = wanted.size_px | 1
-    words = captions(subject)
-    scale = scale_for(subject, wanted.field_deg)
-    image = displayed(radiance(subject, size_px, wanted.field_deg), scale)
-    ruler = f"{wanted.field_deg:g}° wide · lightness: {scale}, rings: degrees from the light"
-    plots.write_psf(folder / "psf.png", image, wanted.field_deg, scale, [*words, ruler])
-    plane = np.asarray(pupil_plane(subject.observer, subject.pose, GRID))
-    plots.write_pupil_plane(folder / "pupil_plane.png", plane, words)
-    profile.write_tables(subject, folder)
-    profile.write_transfer(subject, folder)
-    cie, ijspeert = (dataclasses.replace(subject, model=model) for model in (GlareModel.CIE, GlareModel.IJSPEERT))
-    lines = {subject.model: subject, GlareModel.CIE: cie, GlareModel.IJSPEERT: ijspeert}
-    functions = [(_NAMES[model], profile.luminous(one)) for model, one in lines.items()]
-    plots.write_profiles(folder / "profiles.png", functions, " · ".join(words))
-    table = Table("angle", *(f"{deg:g}°" for deg in profile.RATIOS_DEG))
-    row = [f"{ratio:.2f}" for ratio in profile.ratios(subject, cie)]
-    table.add_row(f"{subject.model.value}/CIE 135, luminous, ring ± 5 %", *row)
-    console.print(table)
-
 
 _NAMES = {
     GlareModel.WAVE: "wave optics, CIE 135 beyond",
@@ -85,10 +27,41 @@ _NAMES = {
 }
 
 
-def _write_sheets(subject: Subject, folder: Path, console: Console) -> None:
-    with Progress(console=console) as progress:
-        for name, make in progress.track(SHEETS.items(), description="sheets"):
-            layout.write(folder / f"sheet_{name}.jpg", make(subject))
+def run(
+    subject: Subject, out: Path, console: Console, *, size_px: int, field_deg: float, with_sheets: bool = False
+) -> None:
+    """Writes everything into a folder, whole or not at all, and prints what was measured.
+
+    Raises ResultsFolderError if the folder cannot be written, OpticsError for an eye or a light that cannot be shown.
+    """
+    # Refused before anything is computed or written.
+    subject.light()
+    with results_folder(out) as folder:
+        _write_eye(subject, size_px | 1, field_deg, folder, console)
+        if with_sheets:
+            waves = dataclasses.replace(subject, model=GlareModel.WAVE)
+            for name, make in track(sheets.SHEETS.items(), "sheets", console=console):
+                sheets.write(folder / f"sheet_{name}.jpg", make(waves))
+        names = sorted(path.name for path in folder.iterdir())
+    console.print(f"wrote [b]{escape(str(out))}[/b]: {', '.join(names)}", soft_wrap=True)
+
+
+def _write_eye(subject: Subject, size_px: int, field_deg: float, folder: Path, console: Console) -> None:
+    words = captions(subject)
+    scale = scale_for(subject, field_deg)
+    image = displayed(radiance(subject, size_px, field_deg), scale)
+    ruler = f"{field_deg:g}° wide · lightness: {scale}, rings: degrees from the light"
+    plots.write_psf(folder / "psf.png", image, field_deg, scale, [*words, ruler])
+    plane = np.asarray(pupil_plane(subject.observer, subject.pose, GRID))
+    plots.write_pupil_plane(folder / "pupil_plane.png", plane, words)
+    profile.write_tables(subject, folder)
+    models = dict.fromkeys((subject.model, GlareModel.CIE, GlareModel.IJSPEERT))
+    functions = {_NAMES[one]: profile.luminous(dataclasses.replace(subject, model=one)) for one in models}
+    plots.write_profiles(folder / "profiles.png", functions, " · ".join(words))
+    ratios = profile.ratios(subject, dataclasses.replace(subject, model=GlareModel.CIE))
+    table = Table("angle", *(f"{deg:g}°" for deg in profile.RATIOS_DEG))
+    table.add_row(f"{subject.model.value}/CIE 135, luminous, ring ± 5 %", *(f"{ratio:.2f}" for ratio in ratios))
+    console.print(table)
 
 
 def scale_for(subject: Subject, field_deg: float) -> Scale:
@@ -112,9 +85,8 @@ def captions(subject: Subject) -> list[str]:
     if pose.openness < 1 or pose.lashes:
         first += f" · lids {pose.openness:.0%} open{', lashes' if pose.lashes else ''}"
     if subject.model is not GlareModel.WAVE:
-        name = _NAMES[subject.model]
         adapted = f", adapted to {subject.adapted_cd_m2:g} cd/m²" if subject.model is GlareModel.SPE else ""
-        return [first, name + adapted]
+        return [first, _NAMES[subject.model] + adapted]
     second = f"{eye.particles} particles of {eye.particle_mm * 1e3:g} µm · {eye.gratings} gratings"
     second += f" · {eye.cornea_cells} cornea cells · {eye.vitreous_particles} vitreous particles · seed {eye.seed}"
     return [first, second]

@@ -38,8 +38,7 @@ class Subject:
 
     def light(self) -> tuple[Angles, Angles]:
         """Wavelengths in nm, and the linear RGB that each contributes to the light (wavelength, 3), luminance 1."""
-        nm, rgb = light_spectra.light_weights(self.spectrum, self.wavelengths)
-        return nm, rgb
+        return light_spectra.light_weights(self.spectrum, self.wavelengths)
 
     def luminous(self) -> tuple[Angles, Angles]:
         """Wavelengths in nm, and the share of the light's luminance that each makes."""
@@ -47,11 +46,9 @@ class Subject:
         luminance = rgb @ np.array(LUMINANCE_WEIGHTS)
         return nm, luminance / luminance.sum()
 
-    def core(self) -> NDArray[np.float64]:
+    def core(self) -> Angles:
         """Wave optics of this eye at 575 nm, tapered to its round field, sum 1."""
-        # A deformed lens is an array, by which nothing can be found again.
-        of = _kept_core if self.pose.lens_m is None else _tapered_core
-        return of(self.observer, self.pose)
+        return _core(self.observer, self.pose)
 
     def formula(self, deg: Angles, nm: float) -> Angles:
         """The model's density in sr⁻¹ at a wavelength; for the wave model, what does not come from its core."""
@@ -84,9 +81,7 @@ def field(observer: Observer, pose: Pose) -> Complex[Array, "n n"]:
     return plane * diffraction.defocus(GRID, pose.defocus_d, pose.diameter_m, diffraction.WAVELENGTH_NM)
 
 
-def _tapered_core(observer: Observer, pose: Pose) -> NDArray[np.float64]:
+@functools.lru_cache(maxsize=2)
+def _core(observer: Observer, pose: Pose) -> Angles:
     psf = np.asarray(diffraction.point_spread(field(observer, pose)), np.float64)
     return np.asarray(spectrum.tapered(psf / psf.sum(), whole.FIELD_TAPER), np.float64)
-
-
-_kept_core = functools.lru_cache(maxsize=2)(_tapered_core)

@@ -15,13 +15,10 @@ import numpy as np
 from entoptic.atomic_file import write_bytes
 from entoptic.pipeline import EFFECTS
 from entoptic.pipeline.plan import OFF, SKIPPED
-from entoptic.services.report import latency
-from entoptic.services.report.plots import PLOTS, Subject, Table, numbers, svg
+from entoptic.services.report.plots import PLOTS, Subject, Table, latencies, numbers, svg
 
-MOST_PAIRS = 12
-"""On the page; all of them lie in the folder."""
-MOST_STRETCHES = 12
-"""Without eye states: on the page; all of them are in the summary."""
+MOST_PAIRS = MOST_STRETCHES = 12
+"""Of pictures, and of stretches without eye states: on the page; all of them are in the folder."""
 TABLES = ("states.csv", "events.csv", "plan.csv")
 QUANTITIES = ("_s", "_ms", "_mm", "_px", "_deg", "_m2")
 """How columns of numbers end."""
@@ -65,7 +62,9 @@ def _page(folder: Path, summary: dict[str, Any], states: Table, events: Table, p
     gaps = [gap for gap in summary.get("gaps") or [] if gap["to_s"] is None or gap["to_s"] > 0]
     pairs = _pairs(folder)
     subject = Subject(states, plan, summary["config"]["view"], gaps)
-    return _template().render(
+    loader = jinja2.PackageLoader("entoptic.services.report", package_path="")
+    environment = jinja2.Environment(loader=loader, autoescape=True, trim_blocks=True, lstrip_blocks=True)
+    return environment.get_template("report.html.jinja").render(
         summary=summary,
         worker=worker,
         heard=worker.get("heard"),
@@ -77,7 +76,7 @@ def _page(folder: Path, summary: dict[str, Any], states: Table, events: Table, p
         eyes=[eye for eye in ("left", "right") if f"{eye}_pupil_mm" in plan],
         effects=_effects(plan),
         events=Counter(events.get("event", ())).most_common(),
-        latency=latency.figures(plan),
+        latency=[(name, *np.percentile(times, (50, 95))) for name, times in latencies(plan).items()],
         plots=[(title, svg(draw(subject))) for title, draw, needs in PLOTS if subject.has(needs)],
         again=(folder / "render_log.msgpack").exists(),
         most_stretches=MOST_STRETCHES,
@@ -91,13 +90,6 @@ def _pairs(folder: Path) -> list[dict[str, Any]]:
     except (OSError, ValueError):
         return []
     return [one for one in listed if (folder / "key_frames" / f"{one['frame']:06d}_perceived.png").exists()]
-
-
-def _template() -> jinja2.Template:
-    loader = jinja2.PackageLoader("entoptic.services.report", package_path="")
-    return jinja2.Environment(loader=loader, autoescape=True, trim_blocks=True, lstrip_blocks=True).get_template(
-        "report.html.jinja"
-    )
 
 
 def _read(path: Path) -> Table:
@@ -115,23 +107,20 @@ def _read(path: Path) -> Table:
 
 def _effects(plan: Table) -> list[dict[str, Any]]:
     """Of each effect: how often each level was taken, with the reason that was given first."""
-    frames = max(len(plan.get("frame", ())), 1)
     rows: list[dict[str, Any]] = []
-    if not plan:
-        return rows
-    for effect in EFFECTS:
-        levels, reasons = plan[f"{effect.name}_level"], plan[f"{effect.name}_reason"]
+    for effect in EFFECTS if plan else ():
+        levels, reasons = np.array(plan[f"{effect.name}_level"]), plan[f"{effect.name}_reason"]
         milliseconds = numbers(plan[f"{effect.name}_ms"])
-        for level, count in Counter(levels).most_common():
-            chosen = np.array([one == level for one in levels])
+        for level, count in Counter(levels.tolist()).most_common():
+            chosen, ran = levels == level, level not in (SKIPPED, OFF)
             rows.append(
                 {
                     "effect": effect.name.replace("_", " "),
                     "level": level,
-                    "ran": level not in (SKIPPED, OFF),
-                    "share": count / frames,
-                    "reason": reasons[levels.index(level)],
-                    "ms": float(np.median(milliseconds[chosen])) if level not in (SKIPPED, OFF) else 0.0,
+                    "ran": ran,
+                    "share": count / len(levels),
+                    "reason": reasons[chosen.argmax()],
+                    "ms": float(np.median(milliseconds[chosen])) if ran else 0.0,
                 }
             )
     return rows

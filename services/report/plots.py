@@ -18,22 +18,18 @@ from matplotlib.ticker import NullFormatter
 from numpy.typing import NDArray
 
 from entoptic.pipeline import EFFECTS
-from entoptic.services.report import latency
+from entoptic.services.results.tally import LATENCIES
 
 Table = dict[str, list[str]]
 
 COLOURS = {"left": "#2a6fbb", "right": "#c8553d"}
-NOT_TRACKING = {
-    "closing": "#f9e2a8",
-    "blink": "#f2c14e",
-    "opening": "#fbeecb",
-    "dropout": "#c9c9c9",
-    "lost": "#8c8c8c",
-}
+NOT_TRACKING = {"closing": "#f9e2a8", "blink": "#f2c14e", "opening": "#fbeecb"}
+NOT_TRACKING |= {"dropout": "#c9c9c9", "lost": "#8c8c8c"}
 AWAY = "#b08fd0"
 """The bridge or the worker was not there."""
 MOST_POINTS = 600
 """Of a line. Engineering choice: about what a page has pixels for; more takes time to draw and is not seen."""
+LATENCY_COLOURS = ("#7fb3d5", "#f5b041", "#82b366", "#333333")
 EFFECT_COLOURS = ("#66c2a5", "#fc8d62", "#8da0cb", "#ffd92f", "#a6d854", "#e78ac3", "#e5c494")
 PART_COLOURS = {
     "scene": "#bdbdbd",
@@ -55,18 +51,20 @@ class Subject:
 
     def has(self, table: str) -> bool:
         """Whether there is anything in that table."""
-        match table:
-            case "states":
-                return bool(self.states.get("t_s"))
-            case "latency":
-                return latency.figures(self.plan) is not None
-            case _:
-                return bool(self.plan.get("frame"))
+        return bool(latencies(self.plan) if table == "latency" else getattr(self, table).get("t_s"))
 
 
 def numbers(cells: list[str]) -> NDArray[np.float64]:
     """A column; NaN where a cell is empty."""
     return np.array([float(cell) if cell else np.nan for cell in cells])
+
+
+def latencies(plan: Table) -> dict[str, NDArray[np.float64]]:
+    """Times in ms of each stage from the sample to the light, and of all; empty where no frame has any."""
+    rows = [row for row in zip(*(plan.get(name, []) for name in LATENCIES), strict=False) if all(row)]
+    stages = np.array(rows, float).T
+    names = [name.removesuffix("_ms").replace("_", " ") for name in LATENCIES]
+    return {**dict(zip(names, stages, strict=True)), "all of it": stages.sum(0)} if rows else {}
 
 
 def _shade(axes: Axes, t_s: NDArray[np.float64], phases: list[str], low: float, high: float) -> None:
@@ -82,9 +80,8 @@ def _shade(axes: Axes, t_s: NDArray[np.float64], phases: list[str], low: float, 
 def _shade_gaps(axes: Axes, gaps: list[dict[str, Any]], last_s: float) -> None:
     """Bands where the bridge or the worker was away."""
     for gap in gaps:
-        axes.axvspan(
-            max(gap["from_s"], 0.0), last_s if gap["to_s"] is None else gap["to_s"], color=AWAY, alpha=0.45, lw=0
-        )
+        end_s = last_s if gap["to_s"] is None else gap["to_s"]
+        axes.axvspan(max(gap["from_s"], 0.0), end_s, color=AWAY, alpha=0.45, lw=0)
 
 
 def _line(axes: Axes, t_s: NDArray[np.float64], values: NDArray[np.float64], *style: str, **look: Any) -> None:
@@ -94,11 +91,9 @@ def _line(axes: Axes, t_s: NDArray[np.float64], values: NDArray[np.float64], *st
     """
     keep = np.arange(len(t_s))
     if len(t_s) > 2 * MOST_POINTS:
-        stretches = np.array_split(keep, MOST_POINTS)
-        filled = np.where(np.isnan(values), np.inf, values), np.where(np.isnan(values), -np.inf, values)
-        keep = np.unique(
-            [pick for part in stretches for pick in (part[filled[0][part].argmin()], part[filled[1][part].argmax()])]
-        )
+        whole = np.array_split(keep, MOST_POINTS)
+        parts = [part[~np.isnan(values[part])] if not np.isnan(values[part]).all() else part[:1] for part in whole]
+        keep = np.unique([part[pick(values[part])] for part in parts for pick in (np.argmin, np.argmax)])
     times, shown = t_s[keep], values[keep].copy()
     shown[1:][np.diff(times) > max(1.0, 2 * (times[-1] - times[0]) / MOST_POINTS if len(times) else 1.0)] = np.nan
     axes.plot(times, shown, *style, **look)
@@ -168,24 +163,26 @@ def _time(subject: Subject) -> Figure:
     t_s = numbers(plan["t_s"])
     stretches = np.array_split(np.arange(len(t_s)), min(len(t_s), MOST_POINTS // 3))
     middle = np.array([part[len(part) // 2] for part in stretches])
-    base = np.zeros(len(middle))
-    for part, colour in PART_COLOURS.items():
-        values = np.nan_to_num(numbers(plan[f"{part}_ms"]))
-        part_ms = np.array([np.median(values[one]) for one in stretches])
-        axes.fill_between(
-            t_s[middle], base, base + part_ms, color=colour, lw=0, step="mid", label=part.replace("_", " ")
-        )
-        base = base + part_ms
+    parts = [np.nan_to_num(numbers(plan[f"{part}_ms"]))[middle] for part in PART_COLOURS]
+    labels = [part.replace("_", " ") for part in PART_COLOURS]
+    axes.stackplot(t_s[middle], *parts, colors=PART_COLOURS.values(), labels=labels, lw=0, step="mid")
     _shade_gaps(axes, subject.gaps, t_s[-1])
-    limit = float(np.percentile(base, 99)) * 1.15 + 1e-3
+    limit = float(np.percentile(sum(parts), 99)) * 1.15 + 1e-3
     axes.set(xlabel="recorded time / s", ylabel="time of a frame / ms", ylim=(0, limit))
     axes.legend(frameon=False, fontsize=8, loc="center left", bbox_to_anchor=(1, 0.5))
     return figure
 
 
 def _latency(subject: Subject) -> Figure:
+    """A histogram of each stage and of all together, up to where 99 % lie."""
     figure, (axes,) = _figure(1, 2.8)
-    latency.draw(axes, subject.plan)
+    named = latencies(subject.plan)
+    edges = np.linspace(0.0, float(np.percentile(named["all of it"], 99)) * 1.1 + 1e-3, 61)
+    for (name, times), colour in zip(named.items(), LATENCY_COLOURS, strict=True):
+        counts, _ = np.histogram(times, edges)
+        axes.stairs(counts, edges, color=colour, fill=name != "all of it", alpha=0.6, lw=1.4, label=name)
+    axes.set(xlabel="latency / ms", ylabel="frames")
+    axes.legend(frameon=False, fontsize=8, loc="upper right")
     return figure
 
 

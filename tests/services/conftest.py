@@ -1,9 +1,10 @@
-"""Bridges and readers that end with their test."""
+"""Bridges and readers that end with their test, and figures that were saved in it."""
 
 from collections.abc import Callable, Iterator
 
 import pytest
 from bridges import Bridge, LossyBridge
+from matplotlib.figure import Figure
 
 from entoptic.services.reader import StateReader
 
@@ -33,3 +34,11 @@ def lossy() -> Iterator[LossyBridge]:
     made = LossyBridge()
     yield made
     made.context.destroy(linger=0)
+
+
+@pytest.fixture
+def drawn(monkeypatch: pytest.MonkeyPatch) -> list[Figure]:
+    figures: list[Figure] = []
+    save = Figure.savefig
+    monkeypatch.setattr(Figure, "savefig", lambda figure, *a, **k: (figures.append(figure), save(figure, *a, **k)))
+    return figures

@@ -6,20 +6,20 @@ import io
 import math
 from pathlib import Path
 
-import av
 import numpy as np
 import OpenImageIO as oiio
 import pytest
 from clear_pupil import airy
 from hypothesis import given
 from hypothesis import strategies as st
+from matplotlib.figure import Figure
 from rich.console import Console
 
 from entoptic.pipeline import GlareModel, Iris, Observer
 from entoptic.pipeline.frame import LUMINANCE_WEIGHTS
 from entoptic.pipeline.optics import analytic, radial
 from entoptic.pipeline.optics.aperture import Pose
-from entoptic.services.psf import film, layout, profile, results, sheets
+from entoptic.services.psf import plots, profile, results, sheets
 from entoptic.services.psf.picture import SCALE, Scale, displayed, radiance
 from entoptic.services.psf.subject import Subject
 from entoptic.services.settings import Settings, SettingsError, changed, load, refuse_unwritable, write
@@ -123,29 +123,26 @@ def test_a_colour_keeps_its_hue_and_its_lightness(rgb: tuple[float, float, float
 
 
 @given(st.floats(0.05, 60))
-def test_the_scale_bar_is_a_round_angle_of_good_length(field_deg: float) -> None:
-    bar = layout.bar_deg(field_deg)
-    assert field_deg / 13 <= bar <= field_deg / 5 * 1.001
-    assert float(f"{bar:.0e}") == pytest.approx(bar)
-    radii = layout.ring_radii_deg(field_deg)
-    assert 1 <= len(radii) <= 16
-    assert radii[-1] <= field_deg / 2 * 1.001
+def test_the_ruler_is_a_round_angle_of_good_length(field_deg: float) -> None:
+    ruler = plots.ruler_deg(field_deg)
+    assert field_deg / 10 <= ruler * 1.001
+    assert ruler <= field_deg / 4 * 1.001
+    assert float(f"{ruler:.0e}") == pytest.approx(ruler)
+    assert plots.ruler_deg(9.0) == 1
 
 
-def test_rings_lie_at_each_degree() -> None:
-    assert list(layout.ring_radii_deg(9.0)) == [1, 2, 3, 4]
-
-
-def test_a_sheets_pictures_are_there_pixel_for_pixel(tmp_path: Path) -> None:
+def test_a_sheets_pictures_are_there_pixel_for_pixel(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     rng = np.random.default_rng(1)
     images = [rng.integers(0, 256, (61, 61, 3)).astype(np.uint8) for _ in range(3)]
-    a, b, c = (layout.Panel(name, image) for name, image in zip("abc", images, strict=True))
-    layout.write(tmp_path / "sheet.png", layout.Sheet("Title", ((a, b), (c,)), 9.0))
+    left = iter(images)
+    monkeypatch.setattr(sheets, "SIDE_PX", 61)
+    monkeypatch.setattr(sheets, "_image", lambda subject: next(left))
+    sheets.write(tmp_path / "sheet.png", sheets.Sheet("Title", ((("a", EYE), ("b", EYE)), (("c", EYE),))))
     page = oiio.ImageBuf(str(tmp_path / "sheet.png")).get_pixels(oiio.UINT8)[..., :3]
-    first = layout.TITLE_PX
-    second = first + 61 + layout.CAPTION_PX
+    first = sheets.TITLE_PX
+    second = first + 61 + sheets.CAPTION_PX
     for image, row, column in ((images[0], first, 0), (images[1], first, 1), (images[2], second, 0)):
-        x = layout.GAP_PX + column * (61 + layout.GAP_PX)
+        x = sheets.GAP_PX + column * (61 + sheets.GAP_PX)
         # The upper half has no ruler.
         np.testing.assert_array_equal(page[row : row + 30, x : x + 61], image[:30])
 
@@ -161,20 +158,21 @@ def test_each_sheet_varies_what_it_says(name: str, monkeypatch: pytest.MonkeyPat
 
     monkeypatch.setattr(sheets, "radiance", small)
     sheet = sheets.SHEETS[name](EYE)
-    captions = [panel.caption for row in sheet.rows for panel in row]
+    captions = [caption for row in sheet.rows for caption, _ in row]
     assert len(captions) == len(set(captions))
-    assert not any("too many" in caption for caption in captions)
-    assert len(shown) >= len(captions)
-    # No two are alike, but D65, which is shown whole and as a half.
-    assert len(set(shown)) == len(shown) - (name == "spectra")
-    layout.write(tmp_path / "sheet.jpg", sheet)
+    sheets.write(tmp_path / "sheet.jpg", sheet)
+    # All could be seen, and no two are alike.
+    assert len(set(shown)) == len(shown) == len(captions)
     assert (tmp_path / "sheet.jpg").stat().st_size < 300_000
 
 
-def test_particles_that_would_hide_all_are_named(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_particles_that_would_hide_all_are_named(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, drawn: list[Figure]
+) -> None:
     monkeypatch.setattr(sheets, "SIDE_PX", 61)
     crowded = dataclasses.replace(CIE, observer=Observer(particle_mm=0.15))
-    captions = [panel.caption for panel in sheets.particles(crowded).rows[0]]
+    sheets.write(tmp_path / "sheet.jpg", sheets.particles(crowded))
+    captions = [axes.get_xlabel() for axes in drawn[0].axes]
     assert [": too many to see" in caption for caption in captions] == [False, False, True, True]
 
 
@@ -183,30 +181,6 @@ def test_particles_grow_with_age(own_years: float, age_years: float) -> None:
     observer = Observer(age_years=own_years)
     assert sheets.particles_at(observer, own_years) == observer.particles
     assert sheets.particles_at(observer, age_years) <= sheets.particles_at(observer, age_years + 1) <= 20000
-
-
-@given(st.floats(0, 100))
-def test_lids_are_open_but_for_blinks(t_s: float) -> None:
-    assert 0 <= film.openness_at(t_s) <= 1
-    assert abs(film.openness_at(t_s + 0.001) - film.openness_at(t_s)) < 0.02
-
-
-def test_a_short_film_has_a_blink() -> None:
-    openness = [film.openness_at(k / film.FPS) for k in range(48)]
-    assert min(openness) < 0.1
-    assert openness.count(1.0) > 36
-
-
-def test_a_film_and_its_strip(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(film, "SIDE_PX", 101)
-    done: list[tuple[int, int]] = []
-    film.write(tmp_path, dataclasses.replace(EYE, wavelengths=4), 0.1, lambda *at: done.append(at))
-    assert done == [(1, 2), (2, 2)]
-    with av.open(str(tmp_path / "psf.mp4")) as opened:
-        frames = [frame.to_ndarray(format="rgb24") for frame in opened.decode(video=0)]
-    assert [frame.shape for frame in frames] == [(102, 102, 3)] * 2
-    assert np.abs(frames[0].astype(int) - frames[1]).max() > 4, "nothing moved"
-    assert (tmp_path / "psf_film.png").stat().st_size > 0
 
 
 observers = st.builds(
@@ -242,8 +216,7 @@ def test_an_observers_file_must_have_a_place(tmp_path: Path, name: str, named: s
 
 def test_all_that_is_written_of_an_eye(tmp_path: Path) -> None:
     said = Console(file=io.StringIO(), width=200)
-    wanted = results.Wanted(size_px=150, field_deg=9.0, sheets=False, film_s=None)
-    results.run(CIE, wanted, tmp_path / "out", said)
+    results.run(CIE, tmp_path / "out", said, size_px=150, field_deg=9.0)
     names = {".entoptic", "encircled.csv", "mtf.csv", "profile.csv", "profiles.png", "psf.png", "pupil_plane.png"}
     assert {path.name for path in (tmp_path / "out").iterdir()} == names
     with (tmp_path / "out" / "profile.csv").open(newline="") as file:

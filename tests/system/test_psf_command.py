@@ -71,7 +71,6 @@ def test_an_eye_is_shown_saved_and_taken_up_again(tmp_path: Path, entoptic: Done
         (("--save-observer", "no/my_eye.toml"), 1, "no/my_eye.toml"),
         (("--set", "particles=400", "--set", "particle_mm=0.5"), 1, "block"),
         (("--pupil-mm", "9"), 2, "--pupil-mm"),
-        (("--film", "nan"), 2, "--film"),
     ],
 )
 def test_what_is_wrong_is_named(

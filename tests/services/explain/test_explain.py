@@ -22,8 +22,8 @@ from entoptic.pipeline import EyePose, Frame, FrameError, Planning, RenderState,
 from entoptic.pipeline.sinks.images import write_exr
 from entoptic.services.commands.explain import explain as command
 from entoptic.services.explain import page, panels, plan_panels, timeline
-from entoptic.services.explain.subject import Subject
-from entoptic.services.explain.variants import Explained, Touch, code_values, explain, variants
+from entoptic.services.explain.subject import Subject, refuse_unwritable
+from entoptic.services.explain.variants import Explained, Touch, code_values, explain
 from entoptic.services.settings import Settings
 
 
@@ -63,9 +63,7 @@ class TestVariants:
 
     def test_where_everything_is_on_nothing_differs(self) -> None:
         frame = Frame.from_rgb(np.full((48, 40, 3), 0.01, np.float32), 60.0)
-        told: list[int] = []
-        found = explain(Subject("dark", frame, (EyePose(),), Settings(), (0.01,)), lambda: told.append(1))
-        assert len(told) == variants()
+        found = explain(Subject("dark", frame, (EyePose(),), Settings(), (0.01,)))
         assert {"acuity", "night_colour"} <= set(found.touched)
         assert found.touched["night_colour"].share > 0.9
         assert not {"tone", "adaptation"} & set(found.touched)
@@ -92,14 +90,6 @@ def test_of_a_reduced_image_the_greatest_remain(image: np.ndarray, longer_px: in
 
 def texts(figure: Figure | SubFigure) -> list[str]:
     return [text.get_text() for text in figure.findobj(Text) if text.get_text()]
-
-
-@pytest.fixture
-def drawn(monkeypatch: pytest.MonkeyPatch) -> list[Figure]:
-    figures: list[Figure] = []
-    save = Figure.savefig
-    monkeypatch.setattr(Figure, "savefig", lambda figure, *a, **k: (figures.append(figure), save(figure, *a, **k)))
-    return figures
 
 
 class TestPage:
@@ -142,14 +132,14 @@ class TestPage:
         assert {"0.40 s", "acuity → skipped", "why acuity at 4", "0.80 s", "acuity → on"} <= set(said)
         assert "level of each effect" in said
 
-    def test_long_reasons_take_more_lines(self) -> None:
-        entry = plan_panels.Entry("glare", "window", "", "", "", "word " * 60)
-        assert plan_panels.table_lines([entry]) == 1 + 3
+    def test_long_reasons_take_more_lines(self, explained: Explained) -> None:
+        step = dataclasses.replace(explained.planned.plan["glare"], reason="word " * 60)
+        assert plan_panels.table_lines([step]) == 1 + 3
 
     @pytest.mark.parametrize(("name", "message"), [("a.jpg", r"name it .*a\.png"), ("no/a.png", "there is no folder")])
     def test_a_path_that_cannot_be_is_refused(self, tmp_path: Path, name: str, message: str) -> None:
         with pytest.raises(FrameError, match=message):
-            page.refuse_unwritable(tmp_path / name)
+            refuse_unwritable(tmp_path / name)
 
 
 class TestCommand:
