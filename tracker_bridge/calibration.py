@@ -41,7 +41,7 @@ USE_LAST_S = 4.0
 """How much of a screen's end is measured. Hippus has periods of seconds: of 200 simulated runs 2 to 8 % of those with
 3 s of it were refused as drifting, of those with 4 s none."""
 WHITE_S, BLACK_S = 8.0, 18.0
-"""The slow half of the light reflex, fitted to measured responses in simulated_pupil.py, has time constants of 1.5 s
+"""The slow half of the light reflex, fitted to measured responses in simulated/pupil.py, has time constants of 1.5 s
 for constriction and 4 s for dilation: at the end of 5 s of white a pupil is still 0.01 mm too wide, of 10 s of black
 0.13 mm too small; of these, 0.00 and 0.02 mm."""
 LUIDOLT_S = 5.0

@@ -30,7 +30,7 @@ _EYE_CAMERAS: Final = {
     Eye.RIGHT: [[1.0, 0.0, 0.0, 31.5], [0.0, -1.0, 0.0, 0.0], [0.0, 0.0, -1.0, 41.88], [0.0, 0.0, 0.0, 1.0]],
     Eye.LEFT: [[-1.0, 0.0, 0.0, -31.5], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, -1.0, 41.88], [0.0, 0.0, 0.0, 1.0]],
 }
-"""From each eye camera to the scene camera, mm, as pupil_form.py puts them."""
+"""From each eye camera to the scene camera, mm, as form.py puts them."""
 
 _GAZE_DISTANCE_MM: Final = 500.0
 

@@ -74,7 +74,7 @@ def test_they_are_the_recorded_ones_and_have_no_end(drawn: SimulatedEyes, time: 
     assert max(np.diff([item.t_ns for item in items if isinstance(item, PupilSample | Tick)])) <= 100 * MS
 
 
-def test_started_anew_they_look_where_they_would_have_looked(drawn: SimulatedEyes, time: Clock) -> None:
+def test_started_again_they_look_where_they_would_have_looked(drawn: SimulatedEyes, time: Clock) -> None:
     begun_ns = time.monotonic_ns() - 7 * NS_PER_S
     items = until(EndlessEyes(DIM, begun_ns).samples(), time.monotonic_ns() + 300 * MS)
     seen = gazes(items)

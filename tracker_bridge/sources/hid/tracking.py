@@ -57,7 +57,7 @@ class EyeReading(msgspec.Struct, frozen=True):
     """What one report says of one eye; None for what it does not say."""
 
     position_mm: Position | None = None
-    """In the display's frame; see hid_gaze.py."""
+    """In the display's frame; see gaze.py."""
     gaze_mm: Point | None = None
     """Where this eye looks on the display."""
     gaze_confidence: float | None = None

@@ -1,6 +1,6 @@
 """Pupil Capture or Pupil Service, live over its Network API: samples as they arrive, and what becomes of it.
 
-Sockets and threads are in pupil_link.py, messages in pupil_bus.py, requests in pupil_remote.py; here their yield is
+Sockets and threads are in link.py, messages in bus.py, requests in remote.py; here their yield is
 put on the bridge's clock and in words. Latency: a message is taken as soon as it is here, measured 0.4 ms at the
 median and 1.4 ms in 99 of 100 on two busy cores; nothing on its way waits for a timer.
 

@@ -1,8 +1,8 @@
-"""Samples as Pupil Core's datums, the other way round from pupil_datum.py: pure functions, no files, no sockets.
+"""Samples as Pupil Core's datums, the other way round from datum.py: pure functions, no files, no sockets.
 
 `data_of` makes what a recording needs of a sample, and nothing that the sample does not say. `image_pair` makes what
 Pupil Capture publishes of an eye image, with every key that it publishes. For the frames of reference see
-pupil_datum.py.
+datum.py.
 """
 
 from __future__ import annotations
@@ -122,7 +122,7 @@ def image_pair(sample: PupilSample, gaze: GazeSample | None) -> tuple[Map, Map |
 
 
 def _eye_model(gaze: GazeSample, eye: Eye, diameter_mm: float, px: float) -> Map:
-    """The 3-D part of a datum, in the eye camera's frame (see pupil_datum.py for its axes)."""
+    """The 3-D part of a datum, in the eye camera's frame (see datum.py for its axes)."""
     right, up, forward = _vector(gaze)
     x, y, z = normal = (right, up, -forward) if eye is Eye.RIGHT else (-right, -up, -forward)
     centre = [at + _SPHERE_RADIUS_MM * along for at, along in zip(_SPHERE_MM, normal, strict=True)]

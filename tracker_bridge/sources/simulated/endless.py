@@ -24,12 +24,11 @@ from entoptic.tracker_bridge.sources.simulated.lid import Blink, openness_at
 from entoptic.tracker_bridge.sources.simulated.live import (
     BLOCK_S,
     LivePupil,
-    grouped,
     live_seeds,
+    measured_groups,
     refuse_schedule,
     slice_of,
 )
-from entoptic.tracker_bridge.sources.simulated.tracker import measure
 from entoptic.tracker_bridge.sources.simulated.truth import Truth
 
 STRETCH_S = 20
@@ -104,13 +103,8 @@ class EndlessEyes:
         self, stretch: Truth, part: slice, times_ns: NDArray[np.int64], joined_ns: int
     ) -> list[list[PupilSample | GazeSample]]:
         diameters_mm = self._pupil.diameters_mm(np.maximum(times_ns[part] - joined_ns, 0) / NS_PER_S)
-        measured = measure(
-            self._noise_rng,
-            slice_of(stretch, part, diameters_mm),
-            self.settings.noise_deg,
-            self.settings.diameter_noise_mm,
-        )
-        return grouped(times_ns[part].tolist(), measured)
+        drawn = slice_of(stretch, part, diameters_mm)
+        return measured_groups(self._noise_rng, drawn, self.settings, times_ns[part].tolist())
 
     def _drawn(self, number: int) -> Truth:
         """A stretch, its times from 0 on, with the blinks at its ends."""

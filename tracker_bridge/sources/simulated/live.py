@@ -1,6 +1,6 @@
 """A simulated pair of eyes that live now and answer to light that is set while they do: the twin of a live tracker.
 
-Lids, gaze and tracker are those of simulated.py, for the same seed the same ones; the pupil takes the same light
+Lids, gaze and tracker are those of eyes.py, for the same seed the same ones; the pupil takes the same light
 reflex one step at a time, since nobody knows the light beforehand. Samples are made in blocks of 100 ms, less than the
 reflex's latency: no light that is set after a block was made could have changed it.
 """
@@ -18,9 +18,10 @@ from numpy.typing import NDArray
 
 from entoptic.tracker_bridge.samples import NS_PER_S, Eye, GazeSample, PupilSample
 from entoptic.tracker_bridge.source import Item, SourceError, SourceInfo, Tick
+from entoptic.tracker_bridge.sources.played import ticks_until
 from entoptic.tracker_bridge.sources.simulated.eyes import SimulatedEyes, SimulatedSettings
 from entoptic.tracker_bridge.sources.simulated.pupil import _OCTAVES, _P_MAX_MM, STEP_S, ReflexSteps, first_step
-from entoptic.tracker_bridge.sources.simulated.tracker import PX_PER_MM, Measured, measure
+from entoptic.tracker_bridge.sources.simulated.tracker import PX_PER_MM, measure
 from entoptic.tracker_bridge.sources.simulated.truth import Truth
 
 BLOCK_S = 0.1
@@ -31,7 +32,7 @@ _OCTAVE_WEIGHTS = tuple(math.ldexp(1.0, -octave) / (2.0 - math.ldexp(2.0, -_OCTA
 
 
 class LightReflex:
-    """The reflex of simulated_pupil.light_reflex_mm, one STEP_S at a time, under light that is set while it runs.
+    """The reflex of pupil.light_reflex_mm, one STEP_S at a time, under light that is set while it runs.
 
     The first luminance has been there for ever.
     """
@@ -60,7 +61,7 @@ class LightReflex:
 
 
 class Hippus:
-    """The unrest of simulated_pupil.with_hippus_mm, one STEP_S at a time."""
+    """The unrest of pupil.with_hippus_mm, one STEP_S at a time."""
 
     def __init__(self, seed: np.random.SeedSequence, gain: float) -> None:
         self._gain = gain
@@ -163,8 +164,8 @@ class SimulatedLiveEyes:
         while self._lived < self._drawn.t_ns.size:
             groups = self._live(slice(self._lived, self._lived + block))
             for group in groups:
-                while self._paced and (left_ns := group[0].t_ns - time.monotonic_ns()) > 0:
-                    time.sleep(left_ns / NS_PER_S)
+                if self._paced:
+                    yield from ticks_until(group[0].t_ns)
                 yield from group
             yield Tick(groups[-1][0].t_ns)
 
@@ -174,13 +175,8 @@ class SimulatedLiveEyes:
         diameter_mm = self._pupil.diameters_mm(times / NS_PER_S)
         self._diameter_mm[part] = diameter_mm
         self._lived += times.size
-        measured = measure(
-            self._noise_rng,
-            slice_of(self._drawn, part, diameter_mm),
-            self.settings.noise_deg,
-            self.settings.diameter_noise_mm,
-        )
-        return grouped((times + self._start_ns).tolist(), measured)
+        drawn = slice_of(self._drawn, part, diameter_mm)
+        return measured_groups(self._noise_rng, drawn, self.settings, (times + self._start_ns).tolist())
 
 
 def refuse_schedule(settings: SimulatedSettings) -> None:
@@ -207,9 +203,11 @@ def slice_of(drawn: Truth, part: slice, diameter_mm: NDArray[np.float64]) -> Tru
     )
 
 
-def grouped(times_ns: list[int], measured: Measured) -> list[list[PupilSample | GazeSample]]:
-    """The samples of each time: both pupils, then the direction of each eye and of both."""
-    m = measured
+def measured_groups(
+    rng: np.random.Generator, drawn: Truth, settings: SimulatedSettings, times_ns: list[int]
+) -> list[list[PupilSample | GazeSample]]:
+    """What a tracker measures, the samples of each time: both pupils, then the direction of each eye and of both."""
+    m = measure(rng, drawn, settings.noise_deg, settings.diameter_noise_mm)
     px = np.maximum(m.diameter_mm, 0.0) * PX_PER_MM
     pupils = np.stack([m.diameter_mm, m.confidence, m.model_confidence, px, m.openness], axis=-1).tolist()
     gazes = np.stack([m.azimuth_deg, m.elevation_deg, m.confidence], axis=-1)
