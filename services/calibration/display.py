@@ -114,7 +114,7 @@ class SocketDisplay:
         keys: ServerKeys | None = None,
         context: zmq.Context[zmq.Socket[bytes]] | None = None,
     ) -> None:
-        """`context`: one whose door is kept already (tracker_bridge/access.py), to be ended after this is closed."""
+        """`context`: one that has an authenticator already, to be ended after this is closed."""
         self.name = name
         self.unreadable: str | None = None
         """Why the display's last message was refused, if one was."""

@@ -57,8 +57,8 @@ class PupilCalibration:
     ) -> None:
         """`screens`: where they are asked for; `answers`: where displays answer. `source`: its name.
 
-        With keys `context` is the publisher's, whose door lets in whom it knows. `eyes`: simulated ones that answer to
-        light, and `scene_cd_m2` what they see until `scene_light` says otherwise.
+        With keys `context` is the publisher's, whose authenticator lets in whom it knows. `eyes`: simulated ones that
+        answer to light, and `scene_cd_m2` what they see until `scene_light` says otherwise.
         """
         self._display = SocketDisplay(screens, answers, "page in a browser", keys=keys, context=context)
         self._display.tell(_IDLE_WORDS, again=False)
