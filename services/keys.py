@@ -28,11 +28,8 @@ class KeysError(EntopticError):
 
 def make_bridge(out: Path) -> Path:
     """Makes a bridge's pair; returns its folder. Raises KeysError rather than overwriting one."""
-    folder = _new_folder(
-        out / BRIDGE, "the readers that have its public key know the bridge by it; choose another --out, or add a "
-        "reader with --client NAME"
-    )  # fmt: skip
-    _make_pair(folder, BRIDGE)
+    remedy = "the readers that have its public key know the bridge by it; choose another --out, or add a reader with "
+    folder = _new_pair(out / BRIDGE, BRIDGE, f"{remedy}--client NAME")
     (folder / CLIENTS).mkdir(mode=0o700)
     return folder
 
@@ -48,16 +45,14 @@ def make_client(out: Path, name: str) -> Path:
     known_by = out / BRIDGE / CLIENTS / f"{name}.key"
     if known_by.exists():
         raise KeysError(f"{known_by} is there already and is not overwritten: choose another name for the reader")
-    folder = _new_folder(out / name, "choose another name for the reader")
-    _make_pair(folder, CLIENT)
-    _copy(out / BRIDGE / f"{BRIDGE}.key", folder)
-    _copy(folder / f"{CLIENT}.key", known_by)
+    folder = _new_pair(out / name, CLIENT, "choose another name for the reader")
+    for source, to in ((out / BRIDGE / f"{BRIDGE}.key", folder), (folder / f"{CLIENT}.key", known_by)):
+        Path(shutil.copy(source, to)).chmod(0o600)
     return folder
 
 
 def has_client(out: Path, name: str) -> bool:
-    """Whether a reader of that name has its keys and the bridge of the same `out` knows it. Raises KeysError where
-    what is there is none."""
+    """Whether a reader of that name has its keys and the bridge knows it. Raises KeysError for a file that is none."""
     if not (out / name).is_dir() or not (out / BRIDGE / CLIENTS / f"{name}.key").is_file():
         return False
     load_server(out / BRIDGE)
@@ -81,8 +76,8 @@ def load_client(folder: Path) -> ClientKeys:
     return ClientKeys(public, secret, bridge)
 
 
-def _new_folder(folder: Path, remedy: str) -> Path:
-    """Closed to others from its first moment on, so that no key in it ever lies open."""
+def _new_pair(folder: Path, name: str, remedy: str) -> Path:
+    """A folder with a pair, closed to others from its first moment on, so that no key in it ever lies open."""
     if folder.exists():
         raise KeysError(f"{folder} is there already and is not overwritten: {remedy}")
     try:
@@ -90,16 +85,9 @@ def _new_folder(folder: Path, remedy: str) -> Path:
         folder.mkdir(mode=0o700)
     except OSError as error:
         raise KeysError(f"cannot make {folder}: {error.strerror}; choose another --out") from None
-    return folder
-
-
-def _make_pair(folder: Path, name: str) -> None:
     for path in create_certificates(folder, name):
         Path(path).chmod(0o600)
-
-
-def _copy(source: Path, to: Path) -> None:
-    Path(shutil.copy(source, to)).chmod(0o600)
+    return folder
 
 
 def _load_pair(folder: Path, name: str) -> tuple[bytes, bytes]:

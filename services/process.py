@@ -25,19 +25,12 @@ _M_TRIM_THRESHOLD, _M_MMAP_MAX = -1, -4
 """glibc's malloc.h."""
 
 
-class Stop:
+class Stop(threading.Event):
     """Says whether this process was asked to stop. Call it: cheap enough for every turn of a loop."""
-
-    def __init__(self) -> None:
-        self._event = threading.Event()
 
     def __call__(self) -> bool:
         """Whether it was."""
-        return self._event.is_set()
-
-    def set(self) -> None:
-        """Asks this process to stop at its next look."""
-        self._event.set()
+        return self.is_set()
 
     def on_signals(self) -> Stop:
         """Ctrl-C and SIGTERM ask once, gently; a second Ctrl-C ends the process at once."""

@@ -12,6 +12,8 @@ from typing import Any
 import msgspec
 from msgspec import inspect as types
 
+_PYTHON: dict[type, type] = {types.FloatType: float, types.IntType: int, types.BoolType: bool, types.StrType: str}
+
 
 @dataclasses.dataclass(frozen=True)
 class Leaf:
@@ -93,35 +95,16 @@ def _leaf(path: str, kind: types.Type, default: Any) -> Leaf:
     python = _python_type(path, kind)
     # A choice is described by its class.
     description = meta.get("description") or (issubclass(python, enum.Enum) and python.__doc__) or ""
-    description = description.partition("\n\n")[0]
-    return Leaf(
-        path,
-        python,
-        default,
-        many,
-        optional,
-        low,
-        high,
-        low_open,
-        meta.get("title"),
-        " ".join(description.split()),
-        extra,
-    )
+    description = " ".join(description.partition("\n\n")[0].split())
+    return Leaf(path, python, default, many, optional, low, high, low_open, meta.get("title"), description, extra)
 
 
 def _python_type(path: str, kind: types.Type) -> type:
-    match kind:
-        case types.FloatType():
-            return float
-        case types.IntType():
-            return int
-        case types.BoolType():
-            return bool
-        case types.StrType():
-            return str
-        case types.EnumType():
-            return kind.cls
-    raise TypeError(f"{path}: nothing shows a value of {kind}")
+    if isinstance(kind, types.EnumType):
+        return kind.cls
+    if type(kind) not in _PYTHON:
+        raise TypeError(f"{path}: nothing shows a value of {kind}")
+    return _PYTHON[type(kind)]
 
 
 def _range(kind: types.FloatType | types.IntType) -> tuple[float | None, bool, float | None]:

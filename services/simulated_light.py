@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import csv
 import math
 from pathlib import Path
@@ -51,34 +52,27 @@ def write(path: Path, steps: LightSteps) -> None:
 
 def read(spec: str) -> LightSteps:
     """A luminance in cd/m², or the table in a CSV file. Raises SourceError that names the file and the line."""
-    try:
+    with contextlib.suppress(ValueError):
         return ((0.0, _positive(spec)),)
-    except ValueError:
-        pass
-    path = Path(spec)
     try:
-        lines = path.read_text(encoding="utf-8").splitlines()
+        rows = list(csv.reader(Path(spec).read_text(encoding="utf-8").splitlines()))
     except (OSError, UnicodeDecodeError) as error:
         raise SourceError(f"luminance {spec!r} is neither a number of cd/m² above 0 nor a CSV file ({error})") from None
-    rows = list(csv.reader(lines))
-    if not rows or tuple(rows[0]) != COLUMNS or len(rows) < 2:
-        raise SourceError(
-            f"luminance table {path}: it must begin with the line {','.join(COLUMNS)} and hold a row or more"
-        )
+    where, head = f"luminance table {spec}", ",".join(COLUMNS)
+    if len(rows) < 2 or tuple(rows[0]) != COLUMNS:
+        raise SourceError(f"{where}: it must begin with the line {head} and hold a row or more")
     steps = []
     for number, row in enumerate(rows[1:], 2):
         try:
             t_s, cd_m2 = row
             steps.append((float(t_s), _positive(cd_m2)))
         except ValueError:
-            raise SourceError(
-                f"luminance table {path}, line {number}: {','.join(row)} is no time and luminance"
-            ) from None
+            raise SourceError(f"{where}, line {number}: {','.join(row)} is no time and luminance") from None
     return tuple(steps)
 
 
 def _positive(text: str) -> float:
     value = float(text)
-    if not (math.isfinite(value) and value > 0):
+    if not 0 < value < math.inf:
         raise ValueError(text)
     return value

@@ -6,7 +6,6 @@ import contextlib
 import hashlib
 import json
 from pathlib import Path
-from types import TracebackType
 
 import msgspec
 import numpy as np
@@ -34,7 +33,7 @@ KEY_EVERY_S = 5.0
 PAIRS = 12
 
 
-class Results:
+class Results(contextlib.ExitStack):
     """Everything that frames leave in a folder.
 
     A context. One film is whole only if it is left in peace; films in `parts`, and all else, can be read at every
@@ -46,6 +45,7 @@ class Results:
         self, folder: Path, begun: Begun, save: frozenset[Save], *, parts: bool, frames: int | None = None
     ) -> None:
         """`frames` is how many are to come, if that is known. Raises OSError, RenderLogError for what lies there."""
+        super().__init__()
         self._folder, self._begun, self._save, self._parts = folder, begun, save, parts
         self._every = max(round(KEY_EVERY_S * begun.view.fps) if frames is None else frames // KEY_FRAMES, 1)
         self._pair_due = self._every // 2
@@ -58,10 +58,10 @@ class Results:
         self._video: Encoder | None = None
         self._part: Part | None = None
         self._part_display = self._display
-        self._files = contextlib.ExitStack()
         with contextlib.ExitStack() as files:
             self._open(files)
-            self._files = files.pop_all()
+            self.push(files.pop_all())
+        self.callback(self._end_part)
 
     def _open(self, files: contextlib.ExitStack) -> None:
         record, plan = self._folder / render_log.FILE, self._folder / PLAN
@@ -83,17 +83,6 @@ class Results:
         if last is not None:
             self._hash.update(last.sha256)
         self._record(Resumed(self._zero_s, self._begun.perception, self._begun.costs, self._begun.state))
-
-    def __enter__(self) -> Results:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        """Closes all. Raises OutputError where the film cannot be finished."""
-        if self._part is not None:
-            self._files.callback(self._part.close)
-        self._files.__exit__(kind, error, trace)
 
     @property
     def folder(self) -> Path:
@@ -161,20 +150,23 @@ class Results:
         path, fps = self._folder, self._begun.view.fps
         if not self._parts:
             if self._video is None:
-                self._video = self._files.enter_context(
-                    film(path / "perceived.mp4", (width, height), fps, self._display)
-                )
+                self._video = self.enter_context(film(path / "perceived.mp4", (width, height), fps, self._display))
             self._video.write(image, index)
             return
-        if self._part is not None and self._display != self._part_display:
-            self._part.close()
-            self._part = None
+        if self._display != self._part_display:
+            self._end_part()
         self._part_display = self._display
         if self._display.encoding is Encoding.LINEAR:
             return  # a film has no such frames
         if self._part is None:
-            self._part = Part(_next_part(self._folder), width, height, fps, self._display, index)
+            number = max(map(_number, film_parts(path)), default=0) + 1
+            self._part = Part(path / f"perceived-{number}.mp4", width, height, fps, self._display, index)
         self._part.write(image, index)
+
+    def _end_part(self) -> None:
+        if self._part is not None:
+            part, self._part = self._part, None
+            part.close()
 
     def _keep_pair(self, rendered: Rendered, name: str, t_s: float) -> None:
         folder = _made(self._folder / "key_frames")
@@ -201,11 +193,6 @@ def film_parts(folder: Path) -> list[Path]:
 def _number(part: Path) -> int:
     number = part.stem.rpartition("-")[2]
     return int(number) if number.isdecimal() else 0
-
-
-def _next_part(folder: Path) -> Path:
-    parts = film_parts(folder)
-    return folder / f"perceived-{_number(parts[-1]) + 1 if parts else 1}.mp4"
 
 
 def side_by_side(images: np.ndarray) -> np.ndarray:

@@ -10,6 +10,7 @@ it had written of that one is left out on reading. A worker that was started ane
 from __future__ import annotations
 
 import mmap
+from collections import deque
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Annotated
@@ -136,11 +137,8 @@ class RenderLog:
 
     def last(self) -> FrameRecord | None:
         """The last frame; reads the file to its end."""
-        last = None
-        for record in self:
-            if isinstance(record, FrameRecord):
-                last = record
-        return last
+        last = deque((record for record in self if isinstance(record, FrameRecord)), maxlen=1)
+        return last[0] if last else None
 
     def _records(self) -> Iterator[Record]:
         number = start = 0

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+import contextlib
 import hashlib
-import importlib.metadata
 import shutil
 from collections.abc import Iterator
 from datetime import datetime
@@ -12,6 +12,7 @@ from typing import Final, Literal
 
 import msgspec
 
+from entoptic import __version__
 from entoptic.atomic_file import write_json
 from entoptic.errors import EntopticError
 from entoptic.services.session_config import OpenedSession, SessionConfig
@@ -85,11 +86,6 @@ def now() -> str:
     return datetime.now().astimezone().isoformat(timespec="seconds")
 
 
-def version() -> str:
-    """Of this program."""
-    return importlib.metadata.version("entoptic")
-
-
 def read(folder: Path) -> SessionFile:
     """The session.json of a folder. Raises SessionFileError."""
     try:
@@ -103,30 +99,25 @@ def read(folder: Path) -> SessionFile:
 def keep_inputs(named: dict[str, Path], folder: Path) -> tuple[Input, ...]:
     """Copies files and folders, by what they are, into a session's `inputs`. Raises OSError."""
     sizes = {what: sum(file.stat().st_size for file in _files(path)) for what, path in named.items()}
-    kept, room = [], MOST_BYTES
+    inputs, room = [], MOST_BYTES
     for what in sorted(named, key=lambda what: sizes[what]):
-        path = named[what].resolve()
+        path, copy = named[what].resolve(), None
         names = tuple(file.name for file in _files(path))
-        copy = None
         if sizes[what] <= room:
             room -= sizes[what]
             copy = Path(INPUTS) / what.replace(" ", "-") / path.name
-            (folder / copy).parent.mkdir(parents=True, exist_ok=True)
-            if path.is_dir():
-                (folder / copy).mkdir(exist_ok=True)
-                for file in _files(path):
-                    shutil.copyfile(file, folder / copy / file.name)
-            else:
-                shutil.copyfile(path, folder / copy)
+            (folder / copy if path.is_dir() else (folder / copy).parent).mkdir(parents=True, exist_ok=True)
+            for file in _files(path):
+                shutil.copyfile(file, folder / copy / file.name if path.is_dir() else folder / copy)
         hashes = _hashes(path if copy is None else folder / copy, names)
-        kept.append(Input(what, str(path), None if copy is None else copy.as_posix(), hashes))
-    return tuple(sorted(kept, key=lambda one: one.what))
+        inputs.append(Input(what, str(path), None if copy is None else copy.as_posix(), hashes))
+    return tuple(sorted(inputs, key=lambda one: one.what))
 
 
 def of_session(opened: OpenedSession, mode: Literal["live", "offline"]) -> SessionFile:
     """A session.json, still without its inputs."""
     return SessionFile(
-        program=version(),
+        program=__version__,
         mode=mode,
         began=now(),
         config=opened.config,
@@ -158,12 +149,8 @@ def _files(path: Path) -> Iterator[Path]:
 
 def _hashes(path: Path, names: tuple[str, ...]) -> dict[str, str]:
     """Of a file or of those in a folder; a missing one has an empty hash."""
-    found = {}
+    found = dict.fromkeys(names, "")
     for name in names:
-        file = path / name if path.is_dir() else path
-        try:
-            with file.open("rb") as stream:
-                found[name] = hashlib.file_digest(stream, "sha256").hexdigest()
-        except OSError:
-            found[name] = ""
+        with contextlib.suppress(OSError), (path / name if path.is_dir() else path).open("rb") as stream:
+            found[name] = hashlib.file_digest(stream, "sha256").hexdigest()
     return found

@@ -60,22 +60,11 @@ def plan_columns(eyes: Sequence[Eye]) -> list[str]:
     """The header of plan.csv."""
     columns = ["frame", "t_s"]
     for eye in eyes:
-        name = eye.name.lower()
-        columns += [f"{name}_{quantity}" for quantity in ("phase", "pupil_mm", "gaze_x_px", "gaze_y_px")]
-        columns += [f"{name}_{quantity}_cd_m2" for quantity in ("adapted", "mean", "max")]
+        quantities = ("phase", "pupil_mm", "gaze_x_px", "gaze_y_px", "adapted_cd_m2", "mean_cd_m2", "max_cd_m2")
+        columns += [f"{eye.name.lower()}_{quantity}" for quantity in quantities]
     for effect in EFFECTS:
         columns += [f"{effect.name}_{quantity}" for quantity in ("level", "reason", "ms")]
-    return [
-        *columns,
-        "bound_code_values",
-        "scene_ms",
-        "measure_ms",
-        "kernel_ms",
-        "plan_ms",
-        "encode_ms",
-        "total_ms",
-        *LATENCIES,
-    ]
+    return [*columns, "bound_code_values", *(f"{part}_ms" for part in (*_PARTS, "total")), *LATENCIES]
 
 
 class Tally:
@@ -98,14 +87,10 @@ class Tally:
                     t_s = float(row["t_s"])
                     times = {part: float(row[f"{part}_ms"]) for part in _PARTS}
                     effects = {effect.name: float(row[f"{effect.name}_ms"]) for effect in EFFECTS}
-                    runs = [
-                        effect
-                        for effect, ms in effects.items()
-                        if ms > 0 or row[f"{effect}_level"] not in (SKIPPED, OFF)
-                    ]
+                    ran = {k: ms for k, ms in effects.items() if ms > 0 or row[f"{k}_level"] not in (SKIPPED, OFF)}
                 except (KeyError, TypeError, ValueError):
                     continue
-                tally._count_in(t_s, {**times, **{effect: effects[effect] for effect in runs}}, runs)
+                tally._count_in(t_s, times | ran, list(ran))
         return tally
 
     def _count_in(self, t_s: float, milliseconds: dict[str, float], runs: Sequence[str]) -> None:
@@ -121,25 +106,22 @@ class Tally:
         """One more frame, at `t_s` of the tables' time; its cells."""
         cells: list[object] = [rendered.frame_number, f"{t_s:.6f}"]
         perceived = rendered.perceived
-        for k, (eye, looking, measured) in enumerate(
-            zip(begun.eyes, rendered.looking, perceived.measured, strict=True)
-        ):
+        for k, eye in enumerate(begun.eyes):
+            looking, measured = rendered.looking[k], perceived.measured[k]
             x_px, y_px = rendered.frame.view.pixel_of(looking.azimuth_deg, looking.elevation_deg)
             phase = "none" if rendered.state is None else rendered.state.of(eye).phase.value
             cells += [phase, f"{perceived.pupil_mm[k]:.3f}", f"{x_px:.1f}", f"{y_px:.1f}"]
-            cells += [
-                f"{value:.4g}" for value in (perceived.state.adapted_cd_m2[k], measured.mean_cd_m2, measured.max_cd_m2)
-            ]
-        milliseconds = {str(part): one for part, one in perceived.milliseconds.items()}
+            light = (perceived.state.adapted_cd_m2[k], measured.mean_cd_m2, measured.max_cd_m2)
+            cells += [f"{cd_m2:.4g}" for cd_m2 in light]
+        milliseconds = {"scene": rendered.scene_ms, **perceived.milliseconds}
         for step in perceived.plan:
             cells += [step.level, step.reason, f"{milliseconds.get(step.effect, 0.0):.2f}"]
-        total = rendered.scene_ms + sum(milliseconds.values())
-        others = (rendered.scene_ms, *(milliseconds[part] for part in _PARTS[1:]), total)
+        runs = [step.effect for step in perceived.plan if step.runs]
+        others = (*(milliseconds[part] for part in _PARTS), sum(milliseconds.values()))
         cells += [f"{perceived.plan.bound_code_values:.3g}", *(f"{value:.2f}" for value in others)]
         stages = () if latency is None else (latency.sample_to_state, latency.state_to_frame, latency.frame_to_sink)
         cells += [f"{stage:.2f}" for stage in stages] or [""] * len(LATENCIES)
-        runs = [step.effect for step in perceived.plan if step.runs]
-        self._count_in(t_s, {"scene": rendered.scene_ms, **milliseconds}, runs)
+        self._count_in(t_s, milliseconds, runs)
         return cells
 
     def summary(self, heard: Heard | None, perceived_sha256: str, warm_up_s: float | None) -> WorkerSummary:
