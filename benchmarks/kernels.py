@@ -5,7 +5,6 @@ from __future__ import annotations
 import functools
 from collections.abc import Callable
 
-import jax
 import numpy as np
 import scipy.fft
 import scipy.ndimage
@@ -57,7 +56,7 @@ def main(rounds: int = 9) -> None:
 
         diffracted: dict[str, Callable[[], object]] = {
             f"SciPy: |FFT|² of a {sides} pupil plane": plain_psf,
-            "here": lambda of=plane: jax.block_until_ready(diffraction.point_spread(of)),
+            "here": functools.partial(diffraction.point_spread, plane),
         }
         show(f"Diffraction, {sides}", interleaved(diffracted, rounds), next(iter(diffracted)))
 
@@ -74,8 +73,7 @@ def main(rounds: int = 9) -> None:
             "NumPy: dense matrices": functools.partial(written_out, *task),
             "here: sparse matrices by rows": functools.partial(spectrum.scaled_kernel, *task[:4], radius_px=radius),
         }
-        timed: dict[str, Callable[[], object]] = {**ways}
-        show(f"32 wavelengths over {title}", interleaved(timed, rounds), next(iter(ways)))
+        show(f"32 wavelengths over {title}", interleaved(ways, rounds), next(iter(ways)))
         exact = written_out(psf.astype(np.float64), nm, weights, ppd, radius)
         print("\n| | of the kernel's L2 norm off |\n|---|---:|")
         for name, way in ways.items():

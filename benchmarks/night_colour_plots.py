@@ -122,10 +122,10 @@ def _plot_noise() -> Figure:
     panel = figure.add_subplot(grid[1, :])
     luminances = np.geomspace(1e-7, 0.02, 40)
     measured = []
-    for luminance_cd_m2 in luminances:
+    for luminance_cd_m2 in luminances.tolist():
         flat = jnp.full((1, 3, 300, 300), luminance_cd_m2, jnp.float32)
-        noisy = np.asarray(rod_noise.add_noise(flat, 0.03, [pupil_mm], view.ppd_centre, settings), np.float64)
-        measured.append(noisy[0, 1].std() / luminance_cd_m2)
+        grains = np.asarray(rod_noise.add_noise(flat, 0.03, [pupil_mm], view.ppd_centre, settings), np.float64)
+        measured.append(grains[0, 1].std() / luminance_cd_m2)
     rods = rod_noise.RODS_PER_DEG2 * settings.grain_deg**2 * rod_noise.INTEGRATION_S
     trolands = WHITE_RATIO * luminances * math.pi / 4 * pupil_mm**2
     counts = rods * (rod_noise.ISOMERISATIONS * trolands + rod_noise.THERMAL_PER_S)

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 
 import numpy as np
 
 from entoptic.pipeline.cost.timing import interleaved as timed
 
 
-def interleaved(parts: dict[str, Callable[[], object]], rounds: int) -> dict[str, np.ndarray]:
+def interleaved(parts: Mapping[str, Callable[[], object]], rounds: int) -> dict[str, np.ndarray]:
     """Milliseconds of each part in each round; the parts take turns, after one round that does not count."""
     return {name: part.times.steady_ms for name, part in timed(parts, rounds).items()}
 

@@ -6,6 +6,7 @@ import sys
 import tempfile
 from pathlib import Path
 
+import jax.numpy as jnp
 import numpy as np
 from matplotlib.figure import Figure
 
@@ -79,7 +80,7 @@ def _shown(
     light: np.ndarray, adapted: float, target: float, settings: Tone, display: Display = Display()
 ) -> np.ndarray:
     """Of greys (pixel) the share, of colours (3, pixel) the components."""
-    rgb = np.broadcast_to(light, (3, light.shape[-1])).astype(np.float32)[None, :, None]
+    rgb = jnp.asarray(np.broadcast_to(light, (3, light.shape[-1])), jnp.float32)[None, :, None]
     image = np.asarray(tone.show(rgb, [adapted], [target], settings, display))[0, :, 0]
     return image if light.ndim == 2 else image[1]
 

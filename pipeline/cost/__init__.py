@@ -7,7 +7,6 @@ viewing.py      an eye viewing a scene: what each effect starts from, and what b
 whole_frame.py  combinations of them, and which to take at a rate
 everything.py   every variant of every effect beside its oracle, and the whole frame, over all scenes
 calibration.py  what each level takes on this machine, for planning within a budget
-comparison.py   settings of glare beside its truth; what none beats
 glare.py        glare's settings, their truth, and the comparison
 sun_corner.py   how far from the sun rounding outshines the dark
 """

@@ -42,12 +42,13 @@ QUICK = Effort(("moonlight", "night street"), (72, 80), ((72, 80),), 1)
 
 @dataclasses.dataclass(frozen=True)
 class Row:
-    """One variant on one scene."""
+    """One setting on one scene."""
 
     effect: str
+    """Or, where one effect is measured in depth, what is varied."""
     setting: str
     of: str
-    """The first variant that has the same oracle: these are rivals, others are other pictures."""
+    """Its truth, by the first variant that has the same: these are rivals, others are other pictures."""
     scene: str
     errors: Errors
     times: Times | None

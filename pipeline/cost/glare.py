@@ -8,17 +8,19 @@ from __future__ import annotations
 
 import dataclasses
 import functools
-from collections.abc import Callable, Iterator
-from typing import Any
+from collections.abc import Callable, Iterator, Sequence
+from typing import Any, NamedTuple
 
 import msgspec
 import numpy as np
 from jaxtyping import Array, Float
 from numpy.typing import NDArray
 
-from entoptic.pipeline.cost.comparison import Row, Setting, compare, worst
+from entoptic.pipeline.cost.errors import errors_of
+from entoptic.pipeline.cost.everything import Row
 from entoptic.pipeline.cost.scenes import CostScene, lamps_over_dark, night_street, straight_ahead, sun_over_dark
 from entoptic.pipeline.cost.sun_corner import SunCorner, sun_corner
+from entoptic.pipeline.cost.timing import interleaved
 from entoptic.pipeline.effects.glare import Glare, GlareLevel, PreparedGlare, scatter
 from entoptic.pipeline.effects.glare.kernel import Mixture, Veil
 from entoptic.pipeline.effects.glare.models import (
@@ -101,8 +103,7 @@ def notes(effort: Effort) -> dict[str, str]:
         PRECISION: f"Of pupil plane and FFT. {new}",
         PLANES: "All parts of the eye in the pupil's plane, as in the truth; or the vitreous where it is: not an "
         f"error, but what the two differ by. {new}",
-        PUPILS: "A pupil midway between two whose kernels are at hand, at the worst of "
-        f"{', '.join(f'{mm:g}' for mm in effort.pupils_mm)} mm: the two kernels blended, or one made for the very "
+        PUPILS: "A pupil midway between two whose kernels are at hand: the two blended, or one made for the very "
         "pupil. Error against one made in float64, with the level `frame` as all three. Times of the blend: with both "
         "kernels at hand.",
         LEVELS: "How much of the function is applied to how much of the frame. Times: with the kernel at hand, but "
@@ -133,10 +134,11 @@ def run(effort: Effort, rounds: int, done: Callable[[str], None] = lambda label:
         truth = _truth(scene, effort.truth_count)
         done("truth")
         for settings, turns in _settings(effort, rounds):
-            rows += compare(settings, scene, truth, turns, DISPLAY, done)
-        rows += _pupils(effort, scene, rounds, done)
+            rows += compare(settings, scene, truth, "reference", turns, done)
+        for pupil_mm in effort.pupils_mm:
+            rows += _pupil(pupil_mm, scene, _pupil_rounds(effort, rounds), done)
     order = list(notes(effort))
-    rows.sort(key=lambda row: order.index(row.group))
+    rows.sort(key=lambda row: order.index(row.effect))
     return GlareCost(rows, _corner(scene, truth, effort.truth_count))
 
 
@@ -155,53 +157,67 @@ Kernel = Callable[[CostScene], tuple[Mixture, Observer, Pose]]
 """What makes a scene's kernel, and of whose eye in which pose it is."""
 
 
+class Setting(NamedTuple):
+    """One way to compute an image in cd/m², linear Rec.709, and what it is one value of."""
+
+    name: str
+    varied: Sequence[str]
+    image: Callable[[CostScene], Float[Array, "3 y x"]]
+
+
+def compare(
+    settings: Sequence[Setting],
+    scene: CostScene,
+    truth: Float[np.ndarray, "3 y x"],
+    of: str,
+    rounds: int,
+    done: Callable[[str], None] = lambda label: None,
+) -> list[Row]:
+    """Each setting's errors against the truth, called `of`, and times in turns; a row for all that it is a value of."""
+    timed = interleaved({each.name: functools.partial(each.image, scene) for each in settings}, rounds, done)
+    rows = []
+    for name, varied, _ in settings:
+        errors = errors_of(np.asarray(timed[name].result), truth, scene.exposure, DISPLAY)
+        rows += [Row(each, name, of, scene.name, errors, timed[name].times) for each in varied]
+    return rows
+
+
 def _settings(effort: Effort, rounds: int) -> Iterator[tuple[list[Setting], int]]:
     """The settings that take turns, and for how many rounds: those of one grid, as planes of few grids are kept."""
     default = f"default: {GRID}², {WAVELENGTHS} wavelengths, float32, one plane"
-    names = {GRIDS: f"{GRID}", COUNTS: f"{WAVELENGTHS}", PRECISION: "float32", PLANES: "one"}
     pose = Pose(PUPIL_MM)
-    levels = {
-        level: Setting(level.value, {LEVELS: level.value}, _image(_at_hand(pose), level), fresh=False)
-        for level in effort.levels
-    }
+    levels = {level: Setting(level.value, [LEVELS], _image(_at_hand(pose), level)) for level in effort.levels}
     reference = levels.pop(GlareLevel.REFERENCE, None)
     yield (
         [
-            Setting(default, names, _image(_new(OBSERVER, pose))),
+            Setting(default, [GRIDS, COUNTS, PRECISION, PLANES], _image(_new(OBSERVER, pose))),
             *(
-                Setting(f"{count} wavelengths", {COUNTS: f"{count}"}, _image(_new(OBSERVER, pose, wavelengths=count)))
+                Setting(f"{count} wavelengths", [COUNTS], _image(_new(OBSERVER, pose, wavelengths=count)))
                 for count in effort.counts
             ),
-            Setting("float64", {PRECISION: "float64"}, _image(_new(OBSERVER, pose, double=True))),
-            Setting("vitreous apart", {PLANES: "vitreous apart"}, _image(_new(OBSERVER, pose, multi_plane=True))),
+            Setting("float64", [PRECISION], _image(_new(OBSERVER, pose, double=True))),
+            Setting("vitreous apart", [PLANES], _image(_new(OBSERVER, pose, multi_plane=True))),
             *levels.values(),
         ],
         rounds,
     )
     for grid in effort.grids:
-        fibres = grid >= GRID
-        name = f"{grid}" if fibres else f"{grid}, no fibres"
-        label = f"{grid}²" if fibres else f"{grid}², no fibres"
-        yield [Setting(label, {GRIDS: name}, _image(_new(OBSERVER if fibres else NO_FIBRES, pose, grid=grid)))], rounds
+        name, observer = (f"{grid}²", OBSERVER) if grid >= GRID else (f"{grid}², no fibres", NO_FIBRES)
+        yield [Setting(name, [GRIDS], _image(_new(observer, pose, grid=grid)))], rounds
     if reference is not None:
         yield [reference], REFERENCE_ROUNDS
 
 
-def _pupils(effort: Effort, scene: CostScene, rounds: int, done: Callable[[str], None]) -> Iterator[Row]:
-    """A kernel blended of two pupils' against one made for the pupil, each at its worst."""
-    rows = []
-    for pupil_mm in effort.pupils_mm:
-        pose = Pose(pupil_mm)
-        truth = np.asarray(_image(_new(OBSERVER, pose, double=True))(scene))
-        done(f"{pupil_mm} mm")
-        blended, made = {PUPILS: f"blended, {pupil_mm} mm"}, {PUPILS: f"made for it, {pupil_mm} mm"}
-        pair = [
-            Setting("two pupils blended", blended, _image(_at_hand(pose)), fresh=False, own_truth=True),
-            Setting("made for the pupil", made, _image(_new(OBSERVER, pose)), own_truth=True),
-        ]
-        rows += compare(pair, scene, truth, _pupil_rounds(effort, rounds), DISPLAY, done)
-    for label in dict.fromkeys(row.label for row in rows):
-        yield worst([row for row in rows if row.label == label])
+def _pupil(pupil_mm: float, scene: CostScene, rounds: int, done: Callable[[str], None]) -> list[Row]:
+    """A kernel blended of two pupils' against one made for the pupil."""
+    pose, mm = Pose(pupil_mm), f"{pupil_mm:g} mm"
+    truth = np.asarray(_image(_new(OBSERVER, pose, double=True))(scene))
+    done(mm)
+    pair = [
+        Setting(f"two pupils blended, {mm}", [PUPILS], _image(_at_hand(pose))),
+        Setting(f"made for the pupil, {mm}", [PUPILS], _image(_new(OBSERVER, pose))),
+    ]
+    return compare(pair, scene, truth, f"float64, {mm}", rounds, done)
 
 
 def _pupil_rounds(effort: Effort, rounds: int) -> int:

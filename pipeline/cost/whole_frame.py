@@ -15,7 +15,6 @@ from typing import Any
 import numpy as np
 from jaxtyping import Array
 
-from entoptic.pipeline.cost.comparison import pareto
 from entoptic.pipeline.cost.errors import Errors, OnDisplay, errors_between
 from entoptic.pipeline.cost.timing import interleaved
 from entoptic.pipeline.cost.viewing import DEFAULT, AnyEffect, SceneViewing, draws
@@ -167,6 +166,16 @@ def _worst(of: Sequence[Whole]) -> tuple[float, float, str]:
         max(whole.errors.share_changed for whole in of),
         scene.scene,
     )
+
+
+def pareto(points: Sequence[tuple[float, float]]) -> list[int]:
+    """Which points none beats in both values, less being better; in the order of the first value."""
+    best, front = np.inf, []
+    for k in sorted(range(len(points)), key=lambda k: points[k]):
+        if points[k][1] < best:
+            best = points[k][1]
+            front.append(k)
+    return front
 
 
 def front(wholes: Sequence[Whole], size: Size) -> list[Whole]:

@@ -49,16 +49,14 @@ def every_effect(
         return
     from entoptic.pipeline.budget import device_name
     from entoptic.pipeline.cost import everything as measured
-    from entoptic.services.cost import everything as results
+    from entoptic.services.cost.tables import write_everything
     from entoptic.services.results.folder import results_folder
 
     effort = measured.QUICK if quick else measured.FULL
     count = effort.rounds if rounds is None else rounds
     with results_folder(out) as folder, _progress(measured.steps(effort, count)) as done:
-        found = measured.run(effort, count, done)
-        text = results.write(folder, found.rows, found.wholes, device_name())
-    console.print(text, markup=False, soft_wrap=True)
-    console.print(f"results: [b]{escape(str(out.resolve()))}[/b]", soft_wrap=True)
+        text = write_everything(folder, measured.run(effort, count, done), device_name())
+    _print(text, out)
 
 
 def _calibrate(quick: bool, asked: int | None) -> None:
@@ -91,14 +89,17 @@ def glare(
     """Measure error and time of glare at each of its settings. Takes ten minutes; let the machine rest meanwhile."""
     prepare_jax()
     from entoptic.pipeline.cost import glare as measured
-    from entoptic.services.cost import glare as results
+    from entoptic.services.cost.tables import write_glare
     from entoptic.services.results.folder import results_folder
 
     effort = measured.QUICK if quick else measured.FULL
     count = effort.rounds if rounds is None else rounds
     with results_folder(out) as folder, _progress(measured.steps(effort, count)) as done:
-        found = measured.run(effort, count, done)
-        text = results.write(folder, found.rows, found.corner, measured.notes(effort))
+        text = write_glare(folder, measured.run(effort, count, done), measured.notes(effort))
+    _print(text, out)
+
+
+def _print(text: str, out: Path) -> None:
     console.print(text, markup=False, soft_wrap=True)
     console.print(f"results: [b]{escape(str(out.resolve()))}[/b]", soft_wrap=True)
 

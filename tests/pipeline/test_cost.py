@@ -14,9 +14,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from entoptic.pipeline.cost import errors, scenes
-from entoptic.pipeline.cost.comparison import Row, Setting, compare, pareto, worst
+from entoptic.pipeline.cost.glare import Setting, compare
 from entoptic.pipeline.cost.sun_corner import LAID, PLAIN, angles_deg, plain_fft, sun_corner
 from entoptic.pipeline.cost.timing import interleaved
+from entoptic.pipeline.cost.whole_frame import pareto
 from entoptic.pipeline.effects.glare.kernel import Component, component
 from entoptic.pipeline.frame import Display, Frame, View
 
@@ -121,25 +122,17 @@ class TestTimes:
 class TestComparison:
     scene = scenes.CostScene("grey", Frame(jnp.ones((1, 3, 8, 8), jnp.float32), View(8, 8, 40.0)))
 
-    def rows(self, off: float, name: str = "1") -> list[Row]:
-        setting = Setting("a", {"group": name, "other": "x"}, lambda scene: scene.frame.rgb_cd_m2[0] * (1 + off))
-        return compare([setting], self.scene, grey(1.0), 2, DISPLAY)
-
-    def test_a_setting_has_a_row_in_each_of_its_groups(self) -> None:
-        rows = self.rows(0.25)
-        assert [(row.group, row.setting, row.label, row.scene) for row in rows] == [
-            ("group", "1", "a", "grey"),
-            ("other", "x", "a", "grey"),
+    def test_a_setting_has_a_row_of_all_that_it_is_a_value_of(self) -> None:
+        setting = Setting("a", ["grid", "precision"], lambda scene: scene.frame.rgb_cd_m2[0] * 1.25)
+        rows = compare([setting], self.scene, grey(1.0), "truth", 2)
+        assert [(row.effect, row.setting, row.of, row.scene) for row in rows] == [
+            ("grid", "a", "truth", "grey"),
+            ("precision", "a", "truth", "grey"),
         ]
         assert rows[0].errors == rows[1].errors
         assert rows[0].errors.relative_l2 == pytest.approx(0.25)
-
-    def test_the_worst_of_several_keeps_the_times_of_all(self) -> None:
-        several = [self.rows(off, name)[0] for off, name in ((0.1, "1"), (0.3, "2"), (0.2, "3"))]
-        found = worst(several)
-        assert found.setting == "2"
-        assert found.times.steady_ms.tolist() == [ms for row in several for ms in row.times.steady_ms.tolist()]
-        assert found.times.first_ms == several[0].times.first_ms
+        assert rows[0].times is not None
+        assert rows[0].times.steady_ms.shape == (2,)
 
     def test_the_front_holds_what_none_beats(self) -> None:
         assert pareto([(3, 1), (1, 5), (2, 5), (2, 2), (4, 1.5)]) == [1, 3, 0]

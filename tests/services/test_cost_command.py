@@ -14,13 +14,12 @@ from matplotlib.text import Text
 from typer.testing import CliRunner
 
 from entoptic.pipeline.cost import glare
-from entoptic.pipeline.cost.comparison import Row
 from entoptic.pipeline.cost.errors import Errors
+from entoptic.pipeline.cost.everything import Row
 from entoptic.pipeline.cost.sun_corner import SunCorner
 from entoptic.pipeline.cost.timing import Times
 from entoptic.services.commands.cost import cost as command
-from entoptic.services.cost import glare as cost
-from entoptic.services.cost import glare_plots as cost_plots
+from entoptic.services.cost import plots, tables
 from entoptic.services.results.folder import LIST
 
 NOTES = glare.notes(glare.QUICK)
@@ -28,11 +27,9 @@ SCENES = ("night street",)
 CORNER = SunCorner(np.array([1.5, 2.5]), np.array([10.0, 2.0]), {"plain": np.array([4.0, 4.0])}, 1e-3)
 
 
-def row(group: str, label: str, scene: str, error: float, milliseconds: float, *, fresh: bool = True) -> Row:
+def row(group: str, label: str, scene: str, error: float, milliseconds: float) -> Row:
     errors = Errors(error, -2 * error, 3, 4, error / 2, error, error / 3)
-    return Row(
-        group, label, label, scene, fresh, False, errors, Times(9 * milliseconds, milliseconds * np.arange(1.0, 4.0))
-    )
+    return Row(group, label, "truth", scene, errors, Times(9 * milliseconds, milliseconds * np.arange(1.0, 4.0)))
 
 
 def made_up() -> list[Row]:
@@ -48,10 +45,10 @@ def made_up() -> list[Row]:
 class TestFiles:
     def test_every_row_is_a_line_every_group_a_table_and_every_scene_a_small_picture(self, tmp_path: Path) -> None:
         rows = made_up()
-        text = cost.write(tmp_path, rows, CORNER, NOTES)
+        text = tables.write_glare(tmp_path, glare.GlareCost(rows, CORNER), NOTES)
         lines = list(csv.DictReader((tmp_path / "cost-glare.csv").open(encoding="utf-8")))
         assert [(line["group"], line["setting"], line["scene"]) for line in lines] == [
-            (each.group, each.setting, each.scene) for each in rows
+            (each.effect, each.setting, each.scene) for each in rows
         ]
         for line, each in zip(lines, rows, strict=True):
             assert float(line["relative_l2"]) == pytest.approx(each.errors.relative_l2, rel=1e-3)
@@ -65,19 +62,19 @@ class TestFiles:
         corner = list(csv.DictReader((tmp_path / "sun-corner.csv").open(encoding="utf-8")))
         assert [float(line["plain_error_p95_cd_m2"]) for line in corner] == [4, 4]
 
-        plots = sorted(path.name for path in tmp_path.glob("*.png"))
-        assert plots == ["cost-glare-night-street.png", "sun-corner.png"]
-        assert all(2_000 < (tmp_path / name).stat().st_size < 300_000 for name in plots)
+        drawn = sorted(path.name for path in tmp_path.glob("*.png"))
+        assert drawn == ["cost-glare-night-street.png", "sun-corner.png"]
+        assert all(2_000 < (tmp_path / name).stat().st_size < 300_000 for name in drawn)
 
     def test_an_error_of_0_can_be_drawn(self, tmp_path: Path) -> None:
-        rows = [row("a", label, "s", 0.0, 5.0, fresh=fresh) for label, fresh in (("one", True), ("two", False))]
-        cost_plots.error_over_time(tmp_path / "plot.png", rows, "s")
+        rows = [row("a", label, "s", 0.0, 5.0) for label in ("one", "two")]
+        plots.error_over_time(tmp_path / "plot.png", "s", rows, lambda row: row.effect)
         assert (tmp_path / "plot.png").exists()
 
     def test_no_label_lies_on_another(self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
         figures: list[Figure] = []
         monkeypatch.setattr(Figure, "savefig", lambda figure, path, **_: figures.append(figure))
-        cost_plots.error_over_time(tmp_path / "plot.png", [each for each in made_up() if each.scene == SCENES[0]], "s")
+        plots.error_over_time(tmp_path / "plot.png", "s", made_up(), lambda row: row.effect)
         figures[0].draw_without_rendering()
         for axes in figures[0].axes:
             boxes = [Text.get_window_extent(text) for text in axes.texts]  # without their lines
@@ -104,7 +101,7 @@ def test_the_quick_command_measures_every_group(tmp_path: Path, monkeypatch: pyt
     }
     assert all(float(line["median_ms"]) > 0 and line["rounds"] == "1" for line in lines)
     errors = {line["setting"]: float(line["relative_l2"]) for line in lines}
-    assert errors["frame"] < errors["256, no fibres"] < errors["veil"]
+    assert errors["frame"] < errors["256², no fibres"] < errors["veil"]
     assert len(told) == glare.steps(glare.QUICK, 1)
     assert {path.name for path in out.iterdir()} - {LIST} == {
         *("cost-glare.csv", "cost-glare.md", "cost-glare-sun-over-dark.png", "sun-corner.csv", "sun-corner.png")

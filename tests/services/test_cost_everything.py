@@ -21,8 +21,7 @@ from entoptic.pipeline.cost.timing import Times
 from entoptic.pipeline.cost.viewing import SceneViewing
 from entoptic.pipeline.cost.whole_frame import COMBINATIONS, Whole, in_words
 from entoptic.services.commands.cost import cost as command
-from entoptic.services.cost import everything as cost_everything
-from entoptic.services.cost import everything_plots as cost_everything_plots
+from entoptic.services.cost import plots, tables
 from entoptic.services.results.folder import LIST
 
 SMALL, LARGE = (24, 26), (48, 52)
@@ -58,7 +57,7 @@ def wholes() -> list[Whole]:
 
 class TestFiles:
     def test_every_row_is_a_line_and_every_effect_a_plot(self, tmp_path: Path) -> None:
-        text = cost_everything.write(tmp_path, rows(), wholes()[:8], "a machine")
+        text = tables.write_everything(tmp_path, Cost(rows(), wholes()[:8]), "a machine")
         lines = list(csv.DictReader((tmp_path / "cost.csv").open(encoding="utf-8")))
         assert [(line["effect"], line["setting"], line["scene"]) for line in lines] == [
             (row.effect, row.setting, row.scene) for row in rows()
@@ -72,9 +71,9 @@ class TestFiles:
         assert len(frames) == len(wholes()[:8])
         assert {"ms_24x26", "ms_48x52"} <= set(frames[0])
         assert text == (tmp_path / "cost.md").read_text(encoding="utf-8")
-        plots = {path.name for path in tmp_path.glob("*.png")}
-        assert plots == {"cost-glare.png", "cost-night-colour.png", "cost-whole-frame.png"}
-        assert all(2_000 < (tmp_path / name).stat().st_size < 400_000 for name in plots)
+        drawn = {path.name for path in tmp_path.glob("*.png")}
+        assert drawn == {"cost-glare.png", "cost-night-colour.png", "cost-whole-frame.png"}
+        assert all(2_000 < (tmp_path / name).stat().st_size < 400_000 for name in drawn)
 
     def test_a_table_has_the_worst_scene_of_each_setting(self) -> None:
         given = [row for row in rows() if row.effect == "glare"]
@@ -82,13 +81,13 @@ class TestFiles:
             Row("glare", "another", "truth", "dusk", errors(7.0), Times(1.0, np.array([4.0]))),
             *given,
         ]
-        text = cost_everything.tables(worse)
+        text = tables.tables(worse)
         line = next(line for line in text.splitlines() if line.startswith("| another"))
         assert line == "| another | truth | 0.07 | -7 | 7 | dusk | 70.00% | 18 | 4.0 |"
 
 
 class TestAdvice:
-    text = cost_everything.advice(wholes(), "a machine")
+    text = tables.advice(wholes(), "a machine")
 
     def said(self, fps: int) -> list[str]:
         lines = self.text.splitlines()
@@ -112,9 +111,8 @@ class TestAdvice:
             Whole(whole.combination, whole.scene, whole.errors, {LARGE: 100.0 + whole.milliseconds[LARGE]})
             for whole in wholes()
         ]
-        assert (
-            "48×52: nothing fits; with every optional effect left out a frame takes 108.0 ms."
-            in cost_everything.advice(slow, "a machine")
+        assert "48×52: nothing fits; with every optional effect left out a frame takes 108.0 ms." in tables.advice(
+            slow, "a machine"
         )
 
     def test_a_bright_room_needs_nothing_at_any_rate(self) -> None:
@@ -130,8 +128,8 @@ def test_the_command_measures_and_writes(tmp_path: Path, monkeypatch: pytest.Mon
         return Cost(rows(), wholes())
 
     monkeypatch.setattr(everything, "run", run)
-    monkeypatch.setattr(cost_everything_plots, "effect_front", lambda path, effect, rows: path.touch())
-    monkeypatch.setattr(cost_everything_plots, "whole_fronts", lambda path, wholes, size: path.touch())
+    monkeypatch.setattr(plots, "error_over_time", lambda path, title, rows, kind: path.touch())
+    monkeypatch.setattr(plots, "whole_fronts", lambda path, wholes, size: path.touch())
     out = tmp_path / "out"
     result = CliRunner().invoke(command, ["--quick", "--rounds", "2", "--out", str(out)])
     assert result.exit_code == 0, result.output
