@@ -38,6 +38,9 @@ def psf(
     sheets: Annotated[
         bool, typer.Option("--sheets", help="Also pictures side by side: pupils, ages, spectra …; minutes.")
     ] = False,
+    film: Annotated[
+        float | None, typer.Option(metavar="SECONDS", min=0.05, max=60, help="Also a film of the eye in motion.")
+    ] = None,
     save_observer: Annotated[
         Path | None,
         typer.Option(metavar="TOML", help="Write this eye as settings, which every command takes by --settings."),
@@ -56,7 +59,7 @@ def psf(
     observer = tuned.observer
     pose = Pose(pupil_mm, observer.defocus_d, openness, observer.ocular_dynamics.lashes)
     subject = Subject(observer, pose, tuned.glare.model, adaptation, spectrum, wavelengths)
-    results.run(subject, out, console, size_px=size_px, field_deg=field_deg, with_sheets=sheets)
+    results.run(subject, out, console, size_px=size_px, field_deg=field_deg, with_sheets=sheets, film_s=film)
     if save_observer is not None:
         settings_file.write(save_observer, tuned)
         console.print(f"wrote [b]{escape(str(save_observer))}[/b]: use it with --settings", soft_wrap=True)

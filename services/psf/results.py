@@ -9,12 +9,12 @@ from pathlib import Path
 import numpy as np
 from rich.console import Console
 from rich.markup import escape
-from rich.progress import track
+from rich.progress import Progress, track
 from rich.table import Table
 
 from entoptic.pipeline.effects.glare.models import GRID, GlareModel
 from entoptic.pipeline.optics.aperture import pupil_plane
-from entoptic.services.psf import plots, profile, sheets
+from entoptic.services.psf import film, plots, profile, sheets
 from entoptic.services.psf.picture import SCALE, Scale, displayed, radiance
 from entoptic.services.psf.subject import Subject
 from entoptic.services.results.folder import results_folder
@@ -28,7 +28,14 @@ _NAMES = {
 
 
 def run(
-    subject: Subject, out: Path, console: Console, *, size_px: int, field_deg: float, with_sheets: bool = False
+    subject: Subject,
+    out: Path,
+    console: Console,
+    *,
+    size_px: int,
+    field_deg: float,
+    with_sheets: bool = False,
+    film_s: float | None = None,
 ) -> None:
     """Writes everything into a folder, whole or not at all, and prints what was measured.
 
@@ -38,10 +45,14 @@ def run(
     subject.light()
     with results_folder(out) as folder:
         _write_eye(subject, size_px | 1, field_deg, folder, console)
+        waves = dataclasses.replace(subject, model=GlareModel.WAVE)
         if with_sheets:
-            waves = dataclasses.replace(subject, model=GlareModel.WAVE)
             for name, make in track(sheets.SHEETS.items(), "sheets", console=console):
                 sheets.write(folder / f"sheet_{name}.jpg", make(waves))
+        if film_s is not None:
+            with Progress(console=console) as progress:
+                task = progress.add_task("film")
+                film.write(folder, waves, film_s, lambda done, of: progress.update(task, completed=done, total=of))
         names = sorted(path.name for path in folder.iterdir())
     console.print(f"wrote [b]{escape(str(out))}[/b]: {', '.join(names)}", soft_wrap=True)
 

@@ -48,7 +48,9 @@ class Subject:
 
     def core(self) -> Angles:
         """Wave optics of this eye at 575 nm, tapered to its round field, sum 1."""
-        return _core(self.observer, self.pose)
+        # A deformed lens is never the same again.
+        make = _core if self.pose.lens_m is None else _core.__wrapped__
+        return make(self.observer, self.pose)
 
     def formula(self, deg: Angles, nm: float) -> Angles:
         """The model's density in sr⁻¹ at a wavelength; for the wave model, what does not come from its core."""

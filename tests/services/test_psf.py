@@ -6,6 +6,7 @@ import io
 import math
 from pathlib import Path
 
+import av
 import numpy as np
 import OpenImageIO as oiio
 import pytest
@@ -19,7 +20,7 @@ from entoptic.pipeline import GlareModel, Iris, Observer
 from entoptic.pipeline.frame import LUMINANCE_WEIGHTS
 from entoptic.pipeline.optics import analytic, radial
 from entoptic.pipeline.optics.aperture import Pose
-from entoptic.services.psf import plots, profile, results, sheets
+from entoptic.services.psf import film, plots, profile, results, sheets
 from entoptic.services.psf.picture import SCALE, Scale, displayed, radiance
 from entoptic.services.psf.subject import Subject
 from entoptic.services.settings import Settings, SettingsError, changed, load, refuse_unwritable, write
@@ -237,3 +238,28 @@ def test_the_scale_is_stated_and_follows_the_field() -> None:
         code = displayed(radiance(dataclasses.replace(EYE, wavelengths=4), 61, field_deg), scale)
         assert code[0, 30].max() < 128, "its edge is dark"
         assert code[30, 30].min() == 255
+
+
+@given(st.floats(0, 100))
+def test_lids_are_open_but_for_blinks(t_s: float) -> None:
+    assert 0 <= film.openness_at(t_s) <= 1
+    assert abs(film.openness_at(t_s + 0.001) - film.openness_at(t_s)) < 0.02
+
+
+def test_a_short_film_has_a_blink() -> None:
+    openness = [film.openness_at(k / film.FPS) for k in range(48)]
+    assert min(openness) < 0.1
+    assert openness.count(1.0) > 36
+
+
+def test_a_film_and_its_strip(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(film, "SIDE_PX", 101)
+    monkeypatch.setattr(sheets, "SIDE_PX", 61)
+    done: list[tuple[int, int]] = []
+    film.write(tmp_path, dataclasses.replace(EYE, wavelengths=4), 0.1, lambda *at: done.append(at))
+    assert done == [(1, 2), (2, 2)]
+    with av.open(str(tmp_path / "psf.mp4")) as opened:
+        frames = [frame.to_ndarray(format="rgb24") for frame in opened.decode(video=0)]
+    assert [frame.shape for frame in frames] == [(102, 102, 3)] * 2
+    assert np.abs(frames[0].astype(int) - frames[1]).max() > 4, "nothing moved"
+    assert (tmp_path / "psf_film.png").stat().st_size > 0
