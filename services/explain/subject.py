@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 import dataclasses
 import json
 import math
@@ -17,6 +16,7 @@ from entoptic.pipeline import EyePose, Frame, FrameError, Light, Perceived, Plan
 from entoptic.pipeline.budget import CostModel
 from entoptic.pipeline.scenes import Head, image_file, open_scene
 from entoptic.services.config import StillConfig
+from entoptic.services.results.appended import columns
 from entoptic.services.settings import Settings
 from entoptic.tracker_bridge.wire import Eye
 
@@ -154,10 +154,10 @@ def _json(path: Path) -> Any:
 
 
 def _row(path: Path, number: int) -> Mapping[str, str]:
-    with path.open(newline="", encoding="utf-8") as stream:
-        for row in csv.DictReader(stream):
-            if row.get("frame") == str(number):
-                return row
+    table = columns(path)
+    if str(number) in table.get("frame", ()):
+        at = table["frame"].index(str(number))
+        return {name: cells[at] for name, cells in table.items()}
     raise FrameError(f"{path} has no frame {number}; is the session whole?")
 
 

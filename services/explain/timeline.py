@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 import dataclasses
 import itertools
 from pathlib import Path
@@ -11,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from entoptic.pipeline import FrameError
+from entoptic.services.results.appended import columns
 from entoptic.services.results.tally import LATENCIES
 
 LEVEL, REASON, MS = "_level", "_reason", "_ms"
@@ -55,19 +55,18 @@ class Timeline:
 
 def read(path: Path) -> Timeline:
     """From a session's plan.csv. Raises FrameError if it holds no frame."""
-    with path.open(newline="", encoding="utf-8") as stream:
-        rows = list(csv.DictReader(stream))
-    if not rows:
+    table = columns(path)
+    if not table.get("t_s"):
         raise FrameError(f"{path} holds no frame; render the session again: entoptic session")
-    t_s = np.array([float(row["t_s"]) for row in rows])
+    t_s = np.array(table["t_s"], float)
     step_s = float(np.median(np.diff(t_s))) if t_s.size > 1 else 1.0
     ends_s = np.append(t_s[1:], t_s[-1] + step_s)
     spans = []
-    for effect in (name.removesuffix(LEVEL) for name in rows[0] if name.endswith(LEVEL)):
-        levels = [row[effect + LEVEL] for row in rows]
-        begins = [k for k in range(len(rows)) if k == 0 or levels[k] != levels[k - 1]]
-        for k, end in zip(begins, [*begins[1:], len(rows)], strict=True):
-            spans.append(Span(effect, levels[k], float(t_s[k]), float(ends_s[end - 1]), rows[k][effect + REASON]))
-    parts = [name for name in rows[0] if name.endswith(MS) and name not in NOT_A_FRAMES_WORK]
-    times = {name.removesuffix(MS): np.array([float(row[name]) for row in rows]) for name in parts}
-    return Timeline(t_s, tuple(spans), times)
+    for effect in (name.removesuffix(LEVEL) for name in table if name.endswith(LEVEL)):
+        levels = table[effect + LEVEL]
+        begins = [k for k in range(len(levels)) if k == 0 or levels[k] != levels[k - 1]]
+        for k, end in zip(begins, [*begins[1:], len(levels)], strict=True):
+            reason = table[effect + REASON][k]
+            spans.append(Span(effect, levels[k], float(t_s[k]), float(ends_s[end - 1]), reason))
+    parts = [name for name in table if name.endswith(MS) and name not in NOT_A_FRAMES_WORK]
+    return Timeline(t_s, tuple(spans), {name.removesuffix(MS): np.array(table[name], float) for name in parts})

@@ -16,6 +16,7 @@ from entoptic.atomic_file import write_bytes
 from entoptic.pipeline import EFFECTS
 from entoptic.pipeline.plan import OFF, SKIPPED
 from entoptic.services.report.plots import PLOTS, Subject, Table, latencies, numbers, svg
+from entoptic.services.results.appended import columns
 
 MOST_PAIRS = MOST_STRETCHES = 12
 """Of pictures, and of stretches without eye states: on the page; all of them are in the folder."""
@@ -37,10 +38,11 @@ def write(folder: Path) -> None:
         summary = json.loads((folder / "summary.json").read_text(encoding="utf-8"))
     except ValueError as error:
         raise ReportError(f"summary.json is damaged: {error}") from None
-    tables = {name: _read(folder / name) for name in TABLES}
+    tables: dict[str, Table] = {}
     try:
+        tables |= {name: columns(folder / name) for name in TABLES}
         page = _page(folder, summary, *tables.values())
-    except (ValueError, KeyError, IndexError, TypeError) as error:
+    except (ValueError, KeyError, IndexError, TypeError, csv.Error) as error:
         raise ReportError(_damage(tables) or f"a table or summary.json is not whole: {error!r}") from None
     write_bytes(folder / "report.html", page.encode())
 
@@ -90,19 +92,6 @@ def _pairs(folder: Path) -> list[dict[str, Any]]:
     except (OSError, ValueError):
         return []
     return [one for one in listed if (folder / "key_frames" / f"{one['frame']:06d}_perceived.png").exists()]
-
-
-def _read(path: Path) -> Table:
-    """A table by columns; rows that a killed process left unfinished are left out, a missing table is empty."""
-    try:
-        with path.open(newline="", encoding="utf-8", errors="replace") as file:
-            header, *rows = list(csv.reader(file)) or [[]]
-    except OSError:
-        return {}
-    except csv.Error as error:
-        raise ReportError(f"{path.name} is damaged: {error}") from None
-    whole = [row for row in rows if len(row) == len(header)]
-    return {name: [row[k] for row in whole] for k, name in enumerate(header)}
 
 
 def _effects(plan: Table) -> list[dict[str, Any]]:

@@ -187,17 +187,14 @@ def _latency(subject: Subject) -> Figure:
 
 
 def _where(subject: Subject) -> Figure:
-    plan, view = subject.plan, subject.view
-    figure = Figure(figsize=(4.8, 0.8 + 4.0 * view["height_px"] / view["width_px"]))
+    plan, width_px, height_px = subject.plan, subject.view["width_px"], subject.view["height_px"]
+    figure = Figure(figsize=(4.8, 0.8 + 4.0 * height_px / width_px), layout="constrained")
     axes = figure.add_subplot()
-    figure.subplots_adjust(left=0.16, right=0.97, top=0.97, bottom=0.13)
-    for eye, colour in COLOURS.items():
-        if f"{eye}_gaze_x_px" in plan:
-            x_px, y_px = numbers(plan[f"{eye}_gaze_x_px"]), numbers(plan[f"{eye}_gaze_y_px"])
-            some = slice(None, None, max(len(x_px) // MOST_POINTS, 1))
-            axes.plot(x_px[some], y_px[some], "-", lw=0.4, color=colour, alpha=0.5)
-            axes.plot(x_px[some], y_px[some], ".", ms=4, color=colour, label=eye)
-    axes.set(xlim=(0, view["width_px"]), ylim=(view["height_px"], 0), xlabel="x / px", ylabel="y / px", aspect="equal")
+    for eye in (eye for eye in COLOURS if f"{eye}_gaze_x_px" in plan):
+        at_px = [numbers(plan[f"{eye}_gaze_{axis}_px"]) for axis in "xy"]
+        every = max(len(at_px[0]) // MOST_POINTS, 1)
+        axes.plot(at_px[0][::every], at_px[1][::every], ".-", ms=4, lw=0.2, color=COLOURS[eye], label=eye)
+    axes.set(xlim=(0, width_px), ylim=(height_px, 0), xlabel="x / px", ylabel="y / px", aspect="equal")
     axes.legend(frameon=False, fontsize=8)
     return figure
 
