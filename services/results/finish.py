@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import array
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +16,7 @@ from entoptic.services.results.folder import BRIDGE, WORKER
 from entoptic.services.results.frames import film_parts
 from entoptic.services.results.render_log import FILE as RENDER_LOG
 from entoptic.services.results.render_log import FrameRecord, Perceive, RenderLog, RenderLogError, Resumed
-from entoptic.services.results.tally import PLAN, Tally, WorkerSummary
+from entoptic.services.results.tally import PLAN, Tally, WorkerSummary, dropped_of
 
 FILM = "perceived.mp4"
 APART = "perceived_apart-"
@@ -68,10 +69,10 @@ class _Seen:
     """What the render log of a recording comes to; times are the tables'. Raises RenderLogError."""
 
     def __init__(self, render_log: RenderLog) -> None:
-        self.fps, self.frames, self.sha256 = render_log.begun.view.fps, 0, ""
+        self.fps, self.sha256 = render_log.begun.view.fps, ""
         self.changed_s: list[float] = []
         self.restarted_s: list[float] = []
-        first_s = last_s = 0.0
+        times_s = array.array("d")
         zero_s, resumed = render_log.begun.zero_s, False
         shown = present = render_log.begun.perception
         for record in render_log:
@@ -81,15 +82,11 @@ class _Seen:
                 case Resumed():
                     zero_s, present, resumed = record.zero_s, record.perception, True
                 case FrameRecord():
-                    last_s = record.t_s - zero_s
-                    first_s = last_s if not self.frames else first_s
-                    self.changed_s += [last_s] if present != shown else []
-                    self.restarted_s += [last_s] if resumed else []
-                    shown, resumed = present, False
-                    self.frames += 1
-                    self.sha256 = record.sha256.hex()
-        due = round((last_s - first_s) * self.fps) + 1 if self.frames else 0
-        self.dropped = max(due - self.frames, 0)
+                    times_s.append(record.t_s - zero_s)
+                    self.changed_s += times_s[-1:] if present != shown else []
+                    self.restarted_s += times_s[-1:] if resumed else []
+                    shown, resumed, self.sha256 = present, False, record.sha256.hex()
+        self.frames, self.dropped = len(times_s), dropped_of(times_s, self.fps)
 
 
 def _join(folder: Path, notes: list[str]) -> str | None:

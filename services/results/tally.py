@@ -67,6 +67,12 @@ def plan_columns(eyes: Sequence[Eye]) -> list[str]:
     return [*columns, "bound_code_values", *(f"{part}_ms" for part in (*_PARTS, "total")), *LATENCIES]
 
 
+def dropped_of(times_s: Sequence[float], fps: float) -> int:
+    """How many frames are missing between the first and the last one."""
+    due = round((times_s[-1] - times_s[0]) * fps) + 1 if len(times_s) else 0
+    return max(due - len(times_s), 0)
+
+
 class Tally:
     """Rows and their sums."""
 
@@ -74,8 +80,7 @@ class Tally:
         self._fps = fps
         self._milliseconds: dict[str, array.array[float]] = {}
         self._runs = dict.fromkeys([effect.name for effect in EFFECTS], 0)
-        self._count = 0
-        self._first_s = self._last_s = 0.0
+        self._times_s = array.array("d")
 
     @classmethod
     def read(cls, path: Path, fps: float) -> Tally:
@@ -94,9 +99,7 @@ class Tally:
         return tally
 
     def _count_in(self, t_s: float, milliseconds: dict[str, float], runs: Sequence[str]) -> None:
-        self._first_s = self._first_s if self._count else t_s
-        self._last_s = t_s
-        self._count += 1
+        self._times_s.append(t_s)
         for effect in runs:
             self._runs[effect] += 1
         for part, one in milliseconds.items():
@@ -126,13 +129,12 @@ class Tally:
 
     def summary(self, heard: Heard | None, perceived_sha256: str, warm_up_s: float | None) -> WorkerSummary:
         """All of it in figures."""
-        due = round((self._last_s - self._first_s) * self._fps) + 1 if self._count else 0
         return WorkerSummary(
-            frames=self._count,
-            dropped_frames=max(due - self._count, 0),
+            frames=len(self._times_s),
+            dropped_frames=dropped_of(self._times_s, self._fps),
             heard=heard,
             perceived_sha256=perceived_sha256,
             median_ms={part: round(float(np.median(times)), 2) for part, times in self._milliseconds.items()},
-            share_of_frames={effect: runs / max(self._count, 1) for effect, runs in self._runs.items()},
+            share_of_frames={effect: runs / max(len(self._times_s), 1) for effect, runs in self._runs.items()},
             warm_up_s=None if warm_up_s is None else round(warm_up_s, 2),
         )
