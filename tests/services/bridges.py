@@ -14,7 +14,7 @@ from entoptic.tracker_bridge.samples import Direction, Eye, EyeState, OneEyeStat
 
 ANY = "tcp://127.0.0.1:*"
 MS = 1_000_000
-PATIENCE_S = 20.0
+PATIENCE_S = 60.0
 
 
 def never() -> bool:

@@ -22,7 +22,7 @@ from entoptic.tracker_bridge.publisher import Publisher
 from entoptic.tracker_bridge.samples import EyeState, OneEyeState, Phase
 
 ANY = "tcp://127.0.0.1:*"
-PATIENCE_MS = 20_000
+PATIENCE_MS = 60_000
 SHUT_OUT = zmq.EVENT_HANDSHAKE_FAILED_AUTH | zmq.EVENT_HANDSHAKE_FAILED_PROTOCOL | zmq.EVENT_HANDSHAKE_FAILED_NO_DETAIL
 ONE = OneEyeState(Phase.TRACKING, 4.0, 4.0, 1.0, None, None)
 

@@ -23,7 +23,7 @@ from entoptic.tracker_bridge.publisher import PortInUseError
 from entoptic.tracker_bridge.wire import Eye, EyeState, OneEyeState, Phase
 
 ANY = "tcp://127.0.0.1:*"
-PATIENCE_MS = 20_000
+PATIENCE_MS = 60_000
 KINDS = dict(zip(messages.TOPICS, (Picture, Picture, Shown, EngineFrame, EngineKernel), strict=True))
 SETTINGS = Settings(glare=Glare(GlareModel.CIE, GlareLevel.WINDOW), plan=Planning(everything=True))
 ONE = OneEyeState(Phase.CLOSING, 4.1, 4.1, 1.0, 0.7, None)

@@ -18,7 +18,7 @@ from entoptic.tracker_bridge.publisher import SEND_QUEUE, PortInUseError, Publis
 from entoptic.tracker_bridge.samples import Direction, Eye, EyeState, OneEyeState, Phase
 
 ANY = "tcp://127.0.0.1:*"
-PATIENCE_MS = 20_000
+PATIENCE_MS = 60_000
 STATES_TO_FILL_ALL_QUEUES = 20_000
 """The kernel's buffers of a connection hold some 10,000 more than ZeroMQ's own queues."""
 PROBE = Heartbeat(0, 0, 0)

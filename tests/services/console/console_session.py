@@ -39,7 +39,7 @@ from entoptic.tracker_bridge.wire import (
 )
 
 ANY = "tcp://127.0.0.1:*"
-PATIENCE_S = 15.0
+PATIENCE_S = 60.0
 MS = 1_000_000
 TOKEN = "a-token-of-sufficient-length"
 
