@@ -9,7 +9,7 @@ import pytest
 from made_up_effects import SCATTER, TINT, TONE, MadeUp, MadeUpEye, planned, settings, use
 
 from entoptic.pipeline.budget import Choice
-from entoptic.pipeline.plan import OFF, SKIPPED, Planning
+from entoptic.pipeline.plan import OFF, SKIPPED, Plan, Planning, Step
 
 
 @pytest.fixture(autouse=True)
@@ -234,3 +234,10 @@ def test_ranges_before_an_effect_hold_what_those_before_it_leave_or_hide() -> No
     SCATTER.asked.clear()
     planned(MadeUpEye(settings(glare=skipping(2.0))))
     assert SCATTER.asked == []  # nothing comes before it
+
+
+def test_a_step_that_hides_nothing_and_fades_from_nothing_is_all_at_its_level() -> None:
+    step = Step("acuity", "best", "why")
+    assert (step.weights, step.bound_code_values, step.fade) == ({"best": 1.0}, 0.0, 1.0)
+    assert Plan((step,)).bound_code_values == 0.0
+    assert planned(MadeUpEye(NEEDED)).plan["acuity"].weights == {"best": 1.0}
