@@ -54,7 +54,7 @@ for command, example in (
     (detect, "detect my_recording/ --out events.csv"),
     (calibrate, "calibrate --source capture --out my_pupil.toml"),
     (capture, "capture simulated --port 50020 --fault restart@10s"),
-    (tell, 'tell tcp://127.0.0.1:5557 "start recording"'),
+    (tell, 'tell tcp://127.0.0.1:5557 "start tracker recording"'),
     (keys, "keys --out keys --client projector"),
 ):
     app.command(name=command.__name__, epilog=f"Example:  entoptic {example}")(command)

@@ -1,4 +1,4 @@
-"""A take's folder: made when it begins, finished when it ends, or afterwards where its host died.
+"""A recording's folder: made when it begins, finished when it ends, or afterwards where its host died.
 
 While it grows it is called NAME.partial, and all in it is readable at every moment; the finished one is called NAME.
 """
@@ -21,32 +21,36 @@ from msgspec.structs import replace
 from entoptic.atomic_file import write_json
 from entoptic.errors import EntopticError, OutputError
 from entoptic.services import settings as settings_file
-from entoptic.services.ipc.status import Gap
+from entoptic.services.ipc.status import BridgeStatus, Gap, Problem, WorkerStatus, problem
 from entoptic.services.results import session_file
 from entoptic.services.results.finish import finish as finish_frames
 from entoptic.services.results.folder import ResultsFolderError, keep, refuse_foreign
 from entoptic.services.session_config import OpenedSession, SessionConfig
-from entoptic.services.settings import Settings
 
 PARTIAL: Final = ".partial"
 SUMMARY: Final = "summary.json"
 HOST: Final = "host.json"
-"""What the host knows of a take, kept in its folder until that is finished: gaps and trouble."""
+"""What the host knows of a recording, kept in its folder until that is finished: gaps and problems."""
 REPORT: Final = "report.html"
-NO_LAST_WORD: Final = "its host left no last word: it was ended by force, or the power failed"
+CUT_OFF: Final = problem(
+    "cut off",
+    "error",
+    "The host left no summary: it was ended by force, or the power failed",
+    "Look at log.jsonl; what was recorded until then is whole",
+)
 _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9 ._-]{0,63}")
 
 
-class TakeError(EntopticError):
-    """A take cannot be made or finished: the message names the folder and the remedy."""
+class RecordingFolderError(EntopticError):
+    """A recording cannot be made or finished: the message names the folder and the remedy."""
 
 
 class HostNotes(msgspec.Struct, frozen=True):
-    """What the host adds to a take's summary."""
+    """What the host adds to a recording's summary."""
 
     gaps: tuple[dict[str, Any], ...] = ()
     interrupted: bool = False
-    trouble: str | None = None
+    problems: tuple[Problem, ...] = ()
 
 
 def name_of_now(root: Path) -> str:
@@ -55,9 +59,9 @@ def name_of_now(root: Path) -> str:
 
 
 def folder_for(root: Path, name: str) -> Path:
-    """The final folder of a take to be made. Raises TakeError for a name that would lie elsewhere."""
+    """The final folder of a recording to be made. Raises RecordingFolderError for a name that would lie elsewhere."""
     if name and (not _NAME.fullmatch(name) or name.endswith((".", " ", PARTIAL))):
-        raise TakeError(f"{name!r} is no name for a folder: use up to 64 letters, digits, spaces, - and _")
+        raise RecordingFolderError(f"{name!r} is no name for a folder: use up to 64 letters, digits, spaces, - and _")
     return root / (_free(root, name) if name else name_of_now(root))
 
 
@@ -67,9 +71,9 @@ def refuse(final: Path) -> None:
 
 
 def make(final: Path, opened: OpenedSession) -> Path:
-    """Makes the folder of a take that begins; returns where it is to be written.
+    """Makes the folder of a recording that begins; returns where it is to be written.
 
-    Raises TakeError, and ResultsFolderError for a `final` that holds something else.
+    Raises RecordingFolderError, and ResultsFolderError for a `final` that holds something else.
     """
     folder = _make(final)
     try:
@@ -86,7 +90,9 @@ def _make(final: Path) -> Path:
     refuse_foreign(final)
     folder = final.with_name(final.name + PARTIAL)
     if folder.exists():
-        raise TakeError(f"{folder} is there already: finish it with {_again(folder)}, or choose another name")
+        raise RecordingFolderError(
+            f"{folder} is there already: finish it with {_again(folder)}, or choose another name"
+        )
     try:
         folder.parent.mkdir(parents=True, exist_ok=True)
         folder.mkdir()
@@ -95,80 +101,77 @@ def _make(final: Path) -> Path:
     return folder
 
 
-def _unwritable(folder: Path, error: Exception) -> TakeError:
+def _unwritable(folder: Path, error: Exception) -> RecordingFolderError:
     reason = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
-    return TakeError(f"{folder} cannot be written: {reason}; make room, or choose another place")
+    return RecordingFolderError(f"{folder} cannot be written: {reason}; make room, or choose another place")
 
 
-def as_of_now(opened: OpenedSession, worker: dict[str, Any], bridge: dict[str, Any]) -> OpenedSession:
-    """With settings and pupil map as they are by now; `worker` and `bridge` are what those say of themselves."""
+def as_of_now(opened: OpenedSession, worker: WorkerStatus | None, bridge: BridgeStatus | None) -> OpenedSession:
+    """With settings and pupil map as they are by now."""
     config = opened.config
-    if worker.get("settings") is not None:
-        with contextlib.suppress(msgspec.ValidationError):  # a worker of another version
-            config = replace(config, settings=msgspec.convert(worker["settings"], Settings))
-    if bridge.get("pupil_map") is not None:
-        config = replace(config, eyes=replace(config.eyes, pupil_map=bridge["pupil_map"]))
+    if worker is not None:
+        config = replace(config, settings=worker.settings)
+    if bridge is not None and bridge.pupil_map is not None:
+        config = replace(config, eyes=replace(config.eyes, pupil_map=bridge.pupil_map))
     return dataclasses.replace(opened, config=config)
 
 
-def keep_inputs(folder: Path, config: SessionConfig) -> str | None:
-    """Copies what the session needs into its folder; what went wrong, for a person."""
+def keep_inputs(folder: Path, config: SessionConfig) -> Problem | None:
+    """Copies what the session needs into its folder; what went wrong."""
     try:
         kept = session_file.keep_inputs(session_file.inputs_of(config), folder)
         replace(session_file.read(folder), inputs=kept).write(folder)
     except (OSError, session_file.SessionFileError) as error:
-        return f"inputs were not copied into {folder}: {error}; make room, and keep them yourself"
-    large = [one.path for one in kept if one.kept is None]
-    return f"too large to be copied into {folder}: {', '.join(large)}; keep them where they are" if large else None
+        what, remedy = f"Inputs were not copied into {folder}: {error}", "Make room, and keep them yourself"
+        return problem("inputs not copied", "warning", what, remedy)
+    large = ", ".join(one.path for one in kept if one.kept is None)
+    what = f"Too large to be copied into {folder}: {large}"
+    return problem("inputs not copied", "note", what, "Keep them where they are") if large else None
 
 
-def note(folder: Path, start_ns: int, gaps: Sequence[Gap], *, interrupted: bool, trouble: str | None) -> None:
+def note(
+    folder: Path, start_ns: int, gaps: Sequence[Gap], *, interrupted: bool, problems: Sequence[Problem] = ()
+) -> None:
     """Leaves what the host knows in a folder, for when that is finished. Raises OSError."""
-    told = tuple(gap.since(start_ns) for gap in gaps if gap.to_ns is None or gap.to_ns > start_ns)
-    write_json(folder / HOST, HostNotes(told, interrupted, trouble))
+    these = tuple(gap.since(start_ns) for gap in gaps if gap.to_ns is None or gap.to_ns > start_ns)
+    write_json(folder / HOST, HostNotes(these, interrupted, tuple(problems)))
 
 
 def note_meanwhile(folder: Path, start_ns: int, gaps: Sequence[Gap]) -> None:
-    """The same while a take runs: what is to be said if this host is ended by force. Raises OSError."""
-    note(folder, start_ns, gaps, interrupted=True, trouble=NO_LAST_WORD)
+    """The same while a recording runs: what is to be said if this host is ended by force. Raises OSError."""
+    note(folder, start_ns, gaps, interrupted=True, problems=(CUT_OFF,))
 
 
-@dataclasses.dataclass(frozen=True)
-class Finished:
-    """A take's folder, all done but what `trouble` says."""
+def finish(folder: Path, *, replaces: bool = True) -> Path:
+    """Joins films, writes the summary, gives the folder its final name, which it returns.
 
-    folder: Path
-    trouble: str | None = None
-
-
-def finish(folder: Path, *, replaces: bool = True) -> Finished:
-    """Joins films, writes the summary, gives the folder its final name. Raises TakeError; then it can be done again.
+    Raises RecordingFolderError; then it can be done again.
 
     `replaces`: earlier results of that name go.
     """
     folder = folder.resolve()
     final = folder.with_name(folder.name.removesuffix(PARTIAL))
     if not replaces and final != folder and final.exists():
-        raise TakeError(f"{final} is there already: move it away, then {_again(folder)}")
+        raise RecordingFolderError(f"{final} is there already: move it away, then {_again(folder)}")
     try:
         session = session_file.read(folder)
-        write_json(folder / SUMMARY, told(session, notes_of(folder), finish_frames(folder)))
+        write_json(folder / SUMMARY, summary_of(session, notes_of(folder), finish_frames(folder)))
         with contextlib.suppress(FileNotFoundError):
             (folder / HOST).unlink()
         if final == folder:
-            return Finished(folder)
+            return folder
         refuse_foreign(final)
         keep(folder, final, REPORT)
     except OSError as error:
-        raise TakeError(
+        raise RecordingFolderError(
             f"{folder} cannot be finished: {error.strerror or error}; make room, then {_again(folder)}"
         ) from None
     except (ResultsFolderError, session_file.SessionFileError) as error:
-        raise TakeError(f"{error}; then {_again(folder)}") from None
-    return Finished(final)
+        raise RecordingFolderError(f"{error}; then {_again(folder)}") from None
+    return final
 
 
-def told(session: session_file.SessionFile, notes: HostNotes, done: dict[str, Any]) -> dict[str, Any]:
+def summary_of(session: session_file.SessionFile, notes: HostNotes, done: dict[str, Any]) -> dict[str, Any]:
     """All of a summary, live or not; `done` is what services.results.finish.finish says."""
     config = msgspec.to_builtins(session.config, order="deterministic")
     config["settings"] = done.pop("perception", config["settings"])
@@ -179,7 +182,7 @@ def told(session: session_file.SessionFile, notes: HostNotes, done: dict[str, An
         "config": config,
         "interrupted": notes.interrupted,
         "gaps": list(notes.gaps),
-        "trouble": notes.trouble,
+        "problems": msgspec.to_builtins(notes.problems),
         "notes": list(session.notes),
         **done,
         "bridge": done["bridge"] or {},
@@ -192,8 +195,8 @@ def notes_of(folder: Path) -> HostNotes:
         return msgspec.json.decode((folder / HOST).read_bytes(), type=HostNotes)
     with contextlib.suppress(OSError, ValueError, KeyError, TypeError):
         summary = json.loads((folder / SUMMARY).read_text(encoding="utf-8"))
-        return HostNotes(tuple(summary["gaps"]), summary["interrupted"], summary["trouble"])
-    return HostNotes(interrupted=True, trouble=NO_LAST_WORD)
+        return msgspec.convert({name: summary[name] for name in ("gaps", "interrupted", "problems")}, HostNotes)
+    return HostNotes(interrupted=True, problems=(CUT_OFF,))
 
 
 def _again(folder: Path) -> str:
@@ -212,14 +215,15 @@ def prepare_report() -> None:
     import entoptic.services.report.page  # noqa: F401
 
 
-def draw_report(folder: Path) -> str | None:
-    """Draws the report of a finished session; what went wrong, for a person."""
+def draw_report(folder: Path) -> Problem | None:
+    """Draws the report of a finished session; what went wrong."""
     from entoptic.services.report import page as report
 
     try:
         report.write(folder)
     except report.ReportError as error:
-        return f"no report in {folder}: {error}; mend that, then {_again(folder)}"
+        return problem("no report", "warning", f"No report in {folder}: {error}", f"Mend that, then {_again(folder)}")
     except OSError as error:
-        return f"no report in {folder}: {error.strerror or error}; make room, then {_again(folder)}"
+        what = f"No report in {folder}: {error.strerror or error}"
+        return problem("no report", "warning", what, f"Make room, then {_again(folder)}")
     return None

@@ -1,4 +1,4 @@
-"""Who attends to a live bridge's people and folders: answers requests, keeps takes, calibrates pupils, lights eyes."""
+"""Handles a live bridge's requests: records, calibrates pupils, lights simulated eyes."""
 
 from __future__ import annotations
 
@@ -6,25 +6,25 @@ import collections
 import contextlib
 import itertools
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Any
 
 import structlog
 
+from entoptic.services.bridge.recording import BridgeRecording
 from entoptic.services.bridge.scene_light import SceneLight
-from entoptic.services.bridge.take import BridgeTake
-from entoptic.services.bridge.tracker_tasks import told
+from entoptic.services.bridge.tracker_tasks import do_task
 from entoptic.services.calibration.live import PupilCalibration
 from entoptic.services.ipc.client import Reply
 from entoptic.services.ipc.requests import (
-    BeginTake,
     BridgeRequest,
     CalibratePupils,
-    EndTake,
     GiveStatus,
+    StartRecording,
     StopCalibratingPupils,
+    StopRecording,
 )
+from entoptic.services.ipc.status import BridgeStatus, Problem, problem, unwritable
 from entoptic.tracker_bridge.chain import Chain
 from entoptic.tracker_bridge.events import Event, SourceBack, SourceSilent
 from entoptic.tracker_bridge.publisher import Publisher
@@ -50,17 +50,17 @@ class BridgeHandler:
         in_session: bool,
         pupil_map: Path | None = None,
     ) -> None:
-        """`in_session`: it is a part of a live session, which alone has takes. `pupil_map`: what is in use."""
+        """`in_session`: it is a part of a live session, which alone records. `pupil_map`: what is in use."""
         self._source, self._chain, self._publisher, self._log = source, chain, publisher, log
         self._in_session = in_session
         self._eyes = source if isinstance(source, EndlessEyes) else None
         self._pupil_map = pupil_map
         self.calibration: PupilCalibration | None = None
         self.light: SceneLight | None = None
-        self._take: BridgeTake | None = None
+        self._recording: BridgeRecording | None = None
         self._before = (0, 0)
-        """Stalls and late samples when the take began."""
-        self._trouble: str | None = None
+        """Stalls and late samples when the recording began."""
+        self._problem: Problem | None = None
         self._silent: str | None = None
         self._newest: EyeState | None = None
         self._states = 0
@@ -68,7 +68,7 @@ class BridgeHandler:
 
     def item(self, item: Item) -> None:
         """What the source yielded, before the chain has it."""
-        self._keep(lambda take: take.item(item))
+        self._keep(lambda recording: recording.item(item))
         if self.calibration is not None and (found := self.calibration.step(item)) is not None:
             self._chain.use(found)
             out = (self.calibration.result() or {}).get("out")
@@ -94,16 +94,16 @@ class BridgeHandler:
             self._silent = record.reason
         elif isinstance(record, SourceBack):
             self._silent = None
-        self._keep(lambda take: take.record(record))
+        self._keep(lambda recording: recording.record(record))
 
     def answer(self, request: BridgeRequest) -> Reply:
         """Does it, or says why not."""
         match request:
             case GiveStatus():
-                return Reply(True, "the bridge runs", self._status())
-            case BeginTake(folder, start_ns):
+                return Reply(True, "the bridge runs", self.status())
+            case StartRecording(folder, start_ns):
                 return self._begin(Path(folder), start_ns)
-            case EndTake():
+            case StopRecording():
                 return self._end()
             case CalibratePupils() | StopCalibratingPupils():
                 if self.calibration is None:
@@ -114,90 +114,96 @@ class BridgeHandler:
                     return self.calibration.begin(request)
                 return self.calibration.stop()
             case _:
-                return told(self._source, request)
+                return do_task(self._source, request)
 
     def close(self) -> None:
         """Ends what is under way, with its files whole."""
-        if self._take is not None:
+        if self._recording is not None:
             self._end()
         if self.calibration is not None:
             self.calibration.close()
         if self.light is not None:
             self.light.close()
 
-    def _status(self) -> dict[str, Any]:
+    def status(self) -> BridgeStatus:
+        """As of now."""
         now_s = time.monotonic()
         lately = sum(1 for _ in itertools.takewhile(lambda at_s: now_s - at_s <= RATE_S, reversed(self._published_s)))
         uncertainty_ns = None if self._newest is None else self._newest.clock_uncertainty_ns
         calibration = self.calibration
-        return {
-            "source": self._source.info.name,
-            "states": self._states,
-            "rate_hz": lately / RATE_S,
-            "late_samples": self._chain.late_count,
-            "stalls": self._publisher.stalls,
-            "clock_uncertainty_ms": None if uncertainty_ns is None else uncertainty_ns * 1e-6,
-            "silent": self._silent,
-            "take": None if self._take is None else str(self._take.folder),
-            "trouble": self._trouble,
-            "calibrating": None if calibration is None else calibration.status(),
-            "calibrated": None if calibration is None else calibration.result(),
-            "pupil_map": None if self._pupil_map is None else str(self._pupil_map),
-            "readers": self._publisher.readers,
-        }
+        return BridgeStatus(
+            source=self._source.info.name,
+            states=self._states,
+            rate_hz=lately / RATE_S,
+            late_samples=self._chain.late_count,
+            stalls=self._publisher.stalls,
+            clock_uncertainty_ms=None if uncertainty_ns is None else uncertainty_ns * 1e-6,
+            recording=None if self._recording is None else str(self._recording.folder),
+            calibrating=None if calibration is None else calibration.status(),
+            calibrated=None if calibration is None else calibration.result(),
+            pupil_map=None if self._pupil_map is None else str(self._pupil_map),
+            readers=self._publisher.readers,
+            problems=tuple(self._problems()),
+        )
+
+    def _problems(self) -> Iterator[Problem]:
+        if self._silent is not None:
+            yield problem(
+                "no tracker",
+                "error",
+                f"Nothing comes from the tracker: {self._silent}",
+                "Check that it is plugged in and its program runs; the session goes on as soon as it is back",
+            )
+        if self._problem is not None:
+            yield self._problem
 
     def _begin(self, folder: Path, start_ns: int) -> Reply:
         if not self._in_session:
-            return Reply(False, "this bridge keeps no takes: start it with --live")
-        if self._take is not None:
-            if (self._take.folder, self._take.start_ns) == (folder, start_ns):
-                return Reply(True, f"{folder} is being kept already")
-            return Reply(False, f"a take is being kept in {self._take.folder}: end it first")
+            return Reply(False, "this bridge does not record: start it with --live")
+        if self._recording is not None:
+            if (self._recording.folder, self._recording.start_ns) == (folder, start_ns):
+                return Reply(True, f"{folder} is being recorded already")
+            return Reply(False, f"{self._recording.folder} is being recorded: end it first")
         if not folder.is_dir():
             return Reply(False, f"{folder} is no folder that is there: make it first")
         try:
-            self._take = BridgeTake(folder, start_ns)
+            self._recording = BridgeRecording(folder, start_ns)
         except (OSError, ValueError, SourceError) as error:
-            return Reply(False, _unwritten(folder, error))
+            self._problem = unwritable(folder, error)
+            return Reply(False, str(self._problem))
         self._before = (self._publisher.stalls, self._chain.late_count)
-        self._trouble = None
-        self._log.info("take begun", folder=str(folder))
-        return Reply(True, f"all is kept in {folder}")
+        self._problem = None
+        self._log.info("recording begun", folder=str(folder))
+        return Reply(True, f"recording in {folder}")
 
     def _end(self) -> Reply:
-        take = self._take
-        if take is None:
-            return Reply(False, self._trouble or "no take is being kept: begin one first")
-        self._take = None
+        recording, self._recording = self._recording, None
+        if recording is None:
+            return Reply(False, str(self._problem or "nothing is being recorded: begin first"))
         try:
-            self._finish(take, None)
+            self._finish(recording, None)
         except (OSError, SourceError) as error:
-            self._trouble = _unwritten(take.folder, error)
-            self._log.error("take failed", error=self._trouble)
-            return Reply(False, self._trouble)
-        self._log.info("take ended", folder=str(take.folder))
-        return Reply(True, f"{take.folder} is whole")
+            self._failed(recording, error)
+            return Reply(False, str(self._problem))
+        self._log.info("recording ended", folder=str(recording.folder))
+        return Reply(True, f"{recording.folder} is whole")
 
-    def _finish(self, take: BridgeTake, trouble: str | None) -> None:
+    def _finish(self, recording: BridgeRecording, found: Problem | None) -> None:
         stalls, late = self._before
-        take.end(self._source.info.name, self._publisher.stalls - stalls, self._chain.late_count - late, trouble)
+        recording.end(self._source.info.name, self._publisher.stalls - stalls, self._chain.late_count - late, found)
 
-    def _keep(self, write: Callable[[BridgeTake], None]) -> None:
+    def _keep(self, write: Callable[[BridgeRecording], None]) -> None:
         """Publishing goes on whatever becomes of the disk."""
-        take = self._take
-        if take is None:
+        if (recording := self._recording) is None:
             return
         try:
-            write(take)
+            write(recording)
         except (OSError, SourceError) as error:
-            self._take, self._trouble = None, _unwritten(take.folder, error)
-            self._log.error("take failed", error=self._trouble)
+            self._recording = None
+            self._failed(recording, error)
             with contextlib.suppress(OSError, SourceError):
-                self._finish(take, self._trouble)
+                self._finish(recording, self._problem)
 
-
-def _unwritten(folder: Path, error: Exception) -> str:
-    if not isinstance(error, OSError):
-        return f"nothing is kept in {folder}: {error}"
-    reason = error.strerror or str(error)
-    return f"nothing is kept in {folder}: {reason}. What is there stays whole; make room, then begin a new take"
+    def _failed(self, recording: BridgeRecording, error: Exception) -> None:
+        self._problem = unwritable(recording.folder, error)
+        self._log.error("recording failed", error=str(self._problem))

@@ -7,9 +7,9 @@ from typing import Protocol, runtime_checkable
 from entoptic.services.ipc.client import Reply
 from entoptic.services.ipc.requests import (
     StartCalibration,
-    StartRecording,
+    StartTrackerRecording,
     StopCalibration,
-    StopRecording,
+    StopTrackerRecording,
     TrackerRequest,
 )
 from entoptic.tracker_bridge.source import SourceError
@@ -32,15 +32,15 @@ class TaskedTracker(Protocol):
         """Has it end its calibration."""
 
 
-def told(source: object, request: TrackerRequest) -> Reply:
+def do_task(source: object, request: TrackerRequest) -> Reply:
     """Tells a source's tracker, and says so. What becomes of it comes as a TrackerTask event."""
     if not isinstance(source, TaskedTracker):
         return Reply(False, "this source neither records nor calibrates by itself: run the bridge on `capture`")
     try:
         match request:
-            case StartRecording(name):
+            case StartTrackerRecording(name):
                 source.start_recording(name)
-            case StopRecording():
+            case StopTrackerRecording():
                 source.stop_recording()
             case StartCalibration():
                 source.start_calibration()
@@ -48,4 +48,4 @@ def told(source: object, request: TrackerRequest) -> Reply:
                 source.stop_calibration()
     except SourceError as error:
         return Reply(False, str(error))
-    return Reply(True, f"told to {request.__struct_config__.tag}; the outcome comes as an event")
+    return Reply(True, f"asked to {request.__struct_config__.tag}; the outcome comes as an event")

@@ -1,4 +1,4 @@
-"""`entoptic report`: finishes a take whose host died, or draws the report of a finished one anew."""
+"""`entoptic report`: finishes a recording whose host died, or draws the report of a finished one again."""
 
 from __future__ import annotations
 
@@ -15,15 +15,14 @@ from entoptic.services.terminal import console
 def report(
     folder: Annotated[Path, typer.Argument(help="Of a session; NAME.partial where it was not finished.")],
 ) -> None:
-    """Finish a session that was cut off, and draw its report; also that of a finished one anew."""
+    """Finish a session that was cut off, and draw its report; also that of a finished one again."""
     prepare_jax(renders=False)
-    from entoptic.services import recording as takes
+    from entoptic.services import recording
     from entoptic.services.live import status
 
     if (host := status.host_that_writes(folder)) is not None:
-        raise takes.TakeError(f"{folder} is being recorded now, by process {host}: stop that first")
-    finished = takes.finish(folder, replaces=False)
-    trouble = takes.draw_report(finished.folder)
-    if trouble is not None:
-        raise takes.TakeError(trouble)
-    console.print(f"look at: [b]{escape(str(finished.folder / takes.REPORT))}[/b]", soft_wrap=True)
+        raise recording.RecordingFolderError(f"{folder} is being recorded now, by process {host}: stop that first")
+    finished = recording.finish(folder, replaces=False)
+    if (problem := recording.draw_report(finished)) is not None:
+        raise recording.RecordingFolderError(str(problem))
+    console.print(f"look at: [b]{escape(str(finished / recording.REPORT))}[/b]", soft_wrap=True)

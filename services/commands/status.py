@@ -16,6 +16,7 @@ from entoptic.services.config import ReaderKeys
 from entoptic.services.terminal import console
 
 if TYPE_CHECKING:
+    from entoptic.services.ipc.status import HostStatus
     from entoptic.services.live.status import Found
 
 
@@ -38,49 +39,49 @@ def status(
     client = None if keys is None else key_files.load_client(Path(keys))
     found = [statuses.process(address, client) for address in addresses] if addresses else statuses.hosts()
     if as_json:
-        told = [{**msgspec.to_builtins(one), "wrong": one.wrong} for one in found]
-        print(msgspec.json.format(msgspec.json.encode(told), indent=2).decode())
+        print(msgspec.json.format(msgspec.json.encode(found), indent=2).decode())
     elif not found:
         console.print("nothing runs: start [b]entoptic console[/b], or [b]entoptic session --live[/b]")
     else:
         for one in found:
             _print(one)
-    if not found or any(one.wrong for one in found):
+    if not found or any(one.problems for one in found):
         raise typer.Exit(1)
 
 
 def _print(found: Found) -> None:
+    from entoptic.services.ipc.status import HostStatus
+
     table = Table(show_header=False, box=None, padding=(0, 1))
     table.add_column(style="dim")
     table.add_column(overflow="fold")
-    for name, value in _of_host(found) if "processes" in found.said else _of_process(found):
+    status = found.status
+    for name, value in _of_host(status, found) if isinstance(status, HostStatus) else _of_process(found):
         table.add_row(name, escape(value))
-    for wrong in found.wrong:
-        table.add_row("wrong", f"[red]{escape(wrong)}[/red]")
+    for one in found.problems:
+        table.add_row(one.severity, f"[red]{escape(str(one))}[/red]")
     console.print(table)
 
 
-def _of_host(found: Found) -> Iterator[tuple[str, str]]:
-    said, shown = found.said, found.shown
-    yield "host", f"process {said['pid']}, {found.address}, {said.get('state', 'silent')}"
-    if (config := said.get("config")) is not None:
-        yield "session", f"{config['eyes']['source']} viewing {config['view']['scene']}, since {said['started']}"
-    bridge = said.get("figures", {}).get("bridge", {})
-    if bridge.get("rate_hz") is not None:
-        yield "eyes", f"{bridge['rate_hz']:.0f} Hz, {bridge.get('late_samples', 0)} late samples"
-    if shown is not None:
+def _of_host(status: HostStatus, found: Found) -> Iterator[tuple[str, str]]:
+    yield "host", f"process {status.pid}, {found.address}, {status.state}"
+    if status.config is not None:
+        yield "session", f"{status.config.eyes.source} viewing {status.config.view.scene}, since {status.started}"
+    if status.bridge is not None and status.bridge.rate_hz is not None:
+        yield "eyes", f"{status.bridge.rate_hz:.0f} Hz, {status.bridge.late_samples} late samples"
+    if (shown := found.shown) is not None:
         latency = "" if shown.latency is None else f", {shown.latency.total:.0f} ms from eye to frame"
         yield "frames", f"{shown.reached_fps:.1f} of {shown.fps:g} a second, {shown.dropped} dropped{latency}"
-    for name, one in said["processes"].items():
-        pid = "" if one["pid"] is None else f", process {one['pid']}"
-        yield name, f"{one['state']}{pid}, started anew {one['restarts']} times"
-    for name in ("folder", "finishing", "last_folder", "console_url", "log"):
-        if said.get(name) is not None:
-            yield name.replace("_", " "), str(said[name])
+    for name, one in status.processes.items():
+        pid = "" if one.pid is None else f", process {one.pid}"
+        yield name, f"{one.state}{pid}, started again {one.restarts} times"
+    for name in ("recording", "finishing", "last_recording", "console_url", "log"):
+        if (value := getattr(status, name)) is not None:
+            yield name.replace("_", " "), str(value)
 
 
 def _of_process(found: Found) -> Iterator[tuple[str, str]]:
     yield "address", found.address
-    for name, value in found.said.items():
-        if value is not None and name != "trouble" and not isinstance(value, dict | list):
+    for name, value in ({} if found.status is None else msgspec.to_builtins(found.status)).items():
+        if value is not None and not isinstance(value, dict | list):
             yield name.replace("_", " "), f"{value:.3g}" if isinstance(value, float) else str(value)

@@ -17,8 +17,8 @@ from entoptic.services.terminal import console
 class Task(enum.StrEnum):
     """What a tracker can be asked to do."""
 
-    START_RECORDING = "start recording"
-    STOP_RECORDING = "stop recording"
+    START_RECORDING = "start tracker recording"
+    STOP_RECORDING = "stop tracker recording"
     START_CALIBRATION = "start calibration"
     STOP_CALIBRATION = "stop calibration"
 

@@ -166,11 +166,11 @@ def _short(value: float | None) -> float | None:
 
 def shown_of(shown: Shown, t_s: float) -> ShownNow:
     """What a page is told of a frame."""
-    return ShownNow(**{**msgspec.structs.asdict(shown), "t_s": t_s, "take": name_of(shown.take)})
+    return ShownNow(**{**msgspec.structs.asdict(shown), "t_s": t_s, "recording": name_of(shown.recording)})
 
 
 def name_of(folder: str | None) -> str | None:
-    """A take's name; the folder has another ending while it is written."""
+    """A recording's name; the folder has another ending while it is written."""
     return None if folder is None else Path(folder).name.removesuffix(".partial")
 
 

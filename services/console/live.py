@@ -1,4 +1,4 @@
-"""What the console knows of a session, from whatever runs it; kept up to date, and told to all pages twice a second."""
+"""What the console knows of a session, from whatever runs it; kept up to date, and sent to all pages twice a second."""
 
 from __future__ import annotations
 
@@ -13,25 +13,22 @@ from typing import Any
 
 import msgspec
 import zmq
+from msgspec.structs import replace
 
 from entoptic.services.console import protocol
 from entoptic.services.console.feed import Feed, name_of
 from entoptic.services.console.figures import Figures
 from entoptic.services.console.pictures import Pictures
-from entoptic.services.console.problems import problems
-from entoptic.services.console.protocol import Process, Status
-from entoptic.services.console.status import SILENT_S, BridgeSays, HostSays, Snapshot, Watched, WorkerSays, read
+from entoptic.services.console.problems import Snapshot, problems
+from entoptic.services.console.protocol import StatusNow
 from entoptic.services.console.viewers import Viewers
 from entoptic.services.ipc.addresses import Addresses
-from entoptic.services.ipc.client import Client
-from entoptic.services.ipc.requests import GiveStatus
+from entoptic.services.ipc.status import BridgeStatus, HostStatus, ProcessStatus, Status, WorkerStatus
+from entoptic.services.ipc.status_poll import StatusPoll
 from entoptic.services.settings import Settings
 from entoptic.tracker_bridge.access import ClientKeys
 
-TICK_S = 0.5
-SETTLED_S = 15.0
-"""Settings that were sent so long ago are in force, or never will be: what the worker says is right then. Engineering
-choice: a frame for which code is compiled takes ten seconds."""
+STEP_S, STATUS_S = 0.05, 0.5
 
 
 class Places(msgspec.Struct, frozen=True):
@@ -47,49 +44,69 @@ class Live:
     """One session after the other. For one event loop, save for what says otherwise."""
 
     def __init__(self, places: Places, root: Path, pool: ThreadPoolExecutor) -> None:
+        """Raises ControlError for an address that is none."""
         self.places = places
         self.viewers = Viewers()
         self.settings = Settings()
-        """Those in force, as far as is known here."""
+        """In force by the worker's word; while no session runs, those of the next one."""
+        self.revision = 0
+        """The worker's, of these settings."""
         self.observer: str | None = None
         self._root, self._pool = root, pool
         self._zero_s = time.monotonic()
-        self._host = Watched(None)
-        self._bridge = Watched(places.bridge_keys)
-        self._worker = Watched(places.worker_keys)
+        self._polls = dict(self._open_polls())
         self._feed: Feed | None = None
         self._pictures: Pictures | None = None
         self._figures = Figures()
-        self._trouble: str | None = None
-        self._take: tuple[str, float] | None = None
+        self._unreachable: str | None = None
+        self._recording: tuple[str, float] | None = None
         """Its name, and when it was first seen."""
-        self._session: tuple[str, float] | None = None
-        """When it began by the host's word, and when it was first seen here."""
-        self._knows_settings = False
-        """Whether those here are the session's: its worker said so, or it was started here."""
-        self._own_begins = False
-        """Whether the next session is one that was started here: its settings may have changed since."""
-        self._used_s = 0.0
-        """When settings were last changed here."""
         self._loop: asyncio.AbstractEventLoop | None = None
+
+    def _open_polls(self) -> Iterator[tuple[str, StatusPoll]]:
+        places = self.places
+        if places.host_control is not None:
+            yield "host", StatusPoll(places.host_control)
+        elif places.addresses is not None:
+            yield "bridge", StatusPoll(places.addresses.bridge, places.bridge_keys)
+            yield "worker", StatusPoll(places.addresses.worker, places.worker_keys)
 
     @property
     def hosted(self) -> bool:
         """Whether a host runs sessions."""
         return self.places.host_control is not None
 
+    def _polled(self, name: str) -> Status | None:
+        poll = self._polls.get(name)
+        return None if poll is None or poll.is_silent else poll.status
+
     @property
-    def host(self) -> HostSays | None:
-        """What it last said."""
-        return read(self._host.data, HostSays)
+    def host(self) -> HostStatus | None:
+        """As it said last; None where it does not answer."""
+        status = self._polled("host")
+        return status if isinstance(status, HostStatus) else None
+
+    @property
+    def bridge(self) -> BridgeStatus | None:
+        """The same of the bridge."""
+        status = self.host.bridge if self.host is not None else self._polled("bridge")
+        return status if isinstance(status, BridgeStatus) else None
+
+    @property
+    def worker(self) -> WorkerStatus | None:
+        """The same of the worker."""
+        status = self.host.worker if self.host is not None else self._polled("worker")
+        return status if isinstance(status, WorkerStatus) else None
 
     @property
     def addresses(self) -> Addresses | None:
         """Of the session that runs."""
-        if self.places.addresses is not None:
-            return self.places.addresses
-        host = self.host
-        return host.places if host is not None else None
+        return self.places.addresses or (self.host.addresses if self.host is not None else None)
+
+    @property
+    def running(self) -> bool:
+        """Whether a session runs; bridge and worker that nobody hosts always do."""
+        return not self.hosted or (self.host is not None and self.host.running)
 
     def kept(self) -> list[bytes]:
         """Traces and marks of the last seconds, for a page that comes."""
@@ -98,32 +115,33 @@ class Live:
     async def run(self) -> None:
         """Until cancelled."""
         self._loop = asyncio.get_running_loop()
-        async with asyncio.TaskGroup() as tasks:
-            tasks.create_task(self._host.watch(lambda: self.places.host_control))
-            tasks.create_task(self._bridge.watch(lambda: self.addresses.bridge if self.addresses else None))
-            tasks.create_task(self._worker.watch(lambda: self.addresses.worker if self.addresses else None))
-            tasks.create_task(self._tick())
+        due_s = 0.0
+        while True:
+            for poll in self._polls.values():
+                poll.step()
+            await self._follow()
+            for each in (self._feed, self._pictures):
+                if each is not None and each.error is not None:
+                    raise each.error
+            if self.worker is not None:
+                self.take_over(self.worker)
+            if time.monotonic() >= due_s:
+                due_s = time.monotonic() + STATUS_S
+                if self.viewers.pages:
+                    self.viewers.newest("status", protocol.encode(self.status()))
+            await asyncio.sleep(STEP_S)
 
     def close(self) -> None:
         """Ends all; from any thread, when the loop has ended."""
         self._stop_reading()
+        for poll in self._polls.values():
+            poll.close()
 
     def _stop_reading(self) -> None:
         for each in (self._feed, self._pictures):
             if each is not None:
                 each.close()
         self._feed = self._pictures = None
-
-    async def _tick(self) -> None:
-        while True:
-            await self._follow()
-            for each in (self._feed, self._pictures):
-                if each is not None and each.error is not None:
-                    raise each.error
-            self._take_over_settings()
-            if self.viewers.pages:
-                self.viewers.newest("status", protocol.encode(self.status()))
-            await asyncio.sleep(TICK_S)
 
     async def _follow(self) -> None:
         """Reads what runs now."""
@@ -133,27 +151,27 @@ class Live:
         assert self._loop is not None
         await self._loop.run_in_executor(self._pool, self._stop_reading)
         # What was wrong with the session that is over says nothing of the next one.
-        self._figures, self._trouble = Figures(), None
+        self._figures, self._unreachable = Figures(), None
         if addresses is None:
             return
         places = self.places
         try:
-            self._feed = Feed(addresses, self._zero_s, self._hear, places.bridge_keys, places.worker_keys)
+            self._feed = Feed(addresses, self._zero_s, self._on_feed, places.bridge_keys, places.worker_keys)
             wanted, peak = self.viewers.wanted, self._peak_cd_m2
-            self._pictures = Pictures(addresses.frames, wanted, self._hear_picture, peak, places.worker_keys)
+            self._pictures = Pictures(addresses.frames, wanted, self._on_picture, peak, places.worker_keys)
             self._figures = self._feed.figures
         except zmq.ZMQError as error:
-            self._trouble = f"an address cannot be connected to: {error.strerror}"
+            self._unreachable = f"An address cannot be connected to: {error.strerror}"
 
     def _peak_cd_m2(self) -> float:
         return self.settings.display.peak_cd_m2
 
-    def _hear(self, messages: list[bytes]) -> None:
+    def _on_feed(self, messages: list[bytes]) -> None:
         """By the feed's thread."""
         if self.viewers.pages:
             self._from_thread(self.viewers.queue, messages)
 
-    def _hear_picture(self, kind: int, message: bytes) -> None:
+    def _on_picture(self, kind: int, message: bytes) -> None:
         """By the pictures' thread."""
         self._from_thread(self.viewers.picture, kind, message)
 
@@ -162,136 +180,77 @@ class Live:
             if self._loop is not None:
                 self._loop.call_soon_threadsafe(call, *arguments)
 
-    def _take_over_settings(self) -> None:
-        """Those of a session that somebody else started, or that was there before this server."""
-        host = self.host
-        began = host.started if host is not None else None if self.hosted else "before"
-        if began is None or (host is not None and not host.running):
-            return
-        if self._session is None or self._session[0] != began:
-            self._session = began, time.monotonic()
-            self._knows_settings, self._own_begins = self._own_begins, False
-            if not self._knows_settings and host is not None and host.config is not None:
-                self._adopt(host.config.get("settings"))
-        # What a worker said before may be of the session before.
-        if self._worker.heard_s > self._session[1]:
-            self._hear_worker(self._worker.data)
+    def take_over(self, worker: WorkerStatus) -> None:
+        """The settings in force are the worker's; what it said before the newest change is old."""
+        if worker.revision > self.revision:
+            self.use(worker.settings, self.observer if worker.settings == self.settings else None, worker.revision)
 
-    async def learn_settings(self, addresses: Addresses) -> None:
-        """Before they are changed: asks the worker if it has not said yet what is in force. Raises ControlError."""
-        self._take_over_settings()
-        if not self._knows_settings:
-            said = await Client(addresses.worker, self.places.worker_keys).ask_async(GiveStatus())
-            self._hear_worker(said.data)
-
-    def _hear_worker(self, data: dict[str, Any] | None) -> None:
-        """Takes over the settings that it says are in force, but not while it may not have heard of newer ones."""
-        worker = read(data, WorkerSays)
-        if worker is None:
-            return
-        if not self._knows_settings or (not worker.preparing and time.monotonic() - self._used_s > SETTLED_S):
-            self._adopt(worker.settings)
-        self._knows_settings = True
-
-    def _adopt(self, said: dict[str, Any] | None) -> None:
-        with contextlib.suppress(msgspec.ValidationError):
-            if said and (settings := msgspec.convert(said, Settings)) != self.settings:
-                self.use(settings, None)
-
-    def begins(self, settings: Settings) -> None:
-        """A session was started here, with these settings."""
-        self._own_begins = True
-        if settings != self.settings:
-            self.use(settings, None)
-
-    def use(self, settings: Settings, observer: str | None) -> None:
-        """These are in force now; all pages are told."""
-        self.settings, self.observer, self._used_s = settings, observer, time.monotonic()
-        self.viewers.newest("settings", self.settings_message(None))
+    def use(self, settings: Settings, observer: str | None, revision: int | None = None) -> None:
+        """These are in force now, or for the next session; all pages are told."""
+        changed = (settings, observer) != (self.settings, self.observer)
+        self.settings, self.observer = settings, observer
+        self.revision = self.revision if revision is None else revision
+        if changed:
+            self.viewers.newest("settings", self.settings_message(None))
 
     def settings_message(self, because_of: int | None) -> bytes:
         """For a page."""
-        values = msgspec.to_builtins(self.settings)
-        return protocol.encode(protocol.SettingsNow(values, self.observer, because_of))
+        return protocol.encode(protocol.SettingsNow(msgspec.to_builtins(self.settings), self.observer, because_of))
 
     def snapshot(self) -> Snapshot:
-        """All that is known now."""
+        """All that is known now, to find what is wrong."""
         figures, now_s = self._figures, time.monotonic()
         latency = figures.latency()
         return Snapshot(
             hosted=self.hosted,
-            host=self.host if self.hosted else None,
-            bridge=read(self._bridge.data, BridgeSays),
-            worker=read(self._worker.data, WorkerSays),
-            host_silent_s=self._host.silent_s,
-            bridge_silent_s=self._bridge.silent_s,
-            worker_silent_s=self._worker.silent_s,
+            host=self.host,
+            bridge=self.bridge,
+            worker=self.worker,
+            silent_s={name: poll.silent_s for name, poll in self._polls.items() if poll.is_silent},
             lost_s=figures.lost_s(now_s),
             states_silent_s=None if figures.state_s is None else now_s - figures.state_s,
             frames_silent_s=None if figures.shown_s is None else now_s - figures.shown_s,
             dropped_share=figures.dropped_share(now_s),
-            trouble=self._trouble or (figures.shown.trouble if figures.shown is not None else None),
+            unreachable=self._unreachable,
             latency_p95_ms=None if latency is None else latency.p95_ms,
             free_bytes=_free_bytes(self._root),
         )
 
-    def status(self) -> Status:
+    def status(self) -> StatusNow:
         """For the pages."""
-        now = self.snapshot()
-        host, bridge, worker = now.host, now.bridge or BridgeSays(), now.worker or WorkerSays()
-        config = host.config if host is not None and host.config is not None else {}
-        figures, shown = self._figures, self._figures.shown if now.running and now.worker is not None else None
-        folder = host.folder if host is not None else shown.take if shown is not None else None
-        take = self._take_now(name_of(folder))
-        return Status(
-            running=now.running and (now.bridge is not None or now.worker is not None or host is not None),
-            preparing=now.worker is not None and worker.preparing,
-            source=bridge.source or config.get("eyes", {}).get("source"),
-            scene=worker.scene or config.get("view", {}).get("scene"),
-            config=config or None,
-            started=host.started if host is not None else None,
-            sample_rate_hz=bridge.rate_hz,
-            states_hz=figures.states_hz(time.monotonic()),
-            clock_uncertainty_ms=bridge.clock_uncertainty_ms,
-            late_samples=bridge.late_samples,
-            silent=bridge.silent,
-            fps=worker.fps,
-            reached_fps=worker.reached_fps,
-            dropped=worker.dropped,
-            budget_ms=shown.budget_ms if shown is not None else self.settings.plan.budget_ms,
-            latency=figures.latency() if now.running else None,
-            processes=tuple(_processes(now)),
-            take=take,
-            take_s=None if self._take is None else round(time.monotonic() - self._take[1], 1),
+        host, bridge, worker = self.host, self.bridge, self.worker
+        running = self.running and any(one is not None for one in (host, bridge, worker))
+        folder = host.recording if host is not None else worker.recording if worker is not None else None
+        return StatusNow(
+            running=running,
+            host=None if host is None else replace(host, bridge=None, worker=None),
+            bridge=bridge,
+            worker=worker,
+            processes=tuple(self._processes()),
+            recording=self._recording_now(name_of(folder)),
+            recording_s=None if self._recording is None else round(time.monotonic() - self._recording[1], 1),
             finishing=name_of(host.finishing) if host is not None else None,
-            last_take=name_of(host.last_folder) if host is not None else None,
-            calibrating=bridge.calibrating,
-            calibrated=bridge.calibrated,
+            last_recording=name_of(host.last_recording) if host is not None else None,
+            states_hz=self._figures.states_hz(time.monotonic()),
+            latency=self._figures.latency() if running else None,
             pages=len(self.viewers),
-            problems=problems(now),
-            root=host.root if host is not None else None,
-            state=host.state if host is not None else None,
+            problems=problems(self.snapshot()),
         )
 
-    def _take_now(self, name: str | None) -> str | None:
+    def _recording_now(self, name: str | None) -> str | None:
         if name is None:
-            self._take = None
-        elif self._take is None or self._take[0] != name:
-            self._take = (name, time.monotonic())
+            self._recording = None
+        elif self._recording is None or self._recording[0] != name:
+            self._recording = (name, time.monotonic())
         return name
 
-
-def _processes(now: Snapshot) -> Iterator[Process]:
-    known = now.host.processes if now.host is not None else {}
-    for name, one in known.items():
-        yield Process(name, one.state, one.restarts, one.last_error)
-    for name, said, silent_s in (
-        ("bridge", now.bridge, now.bridge_silent_s),
-        ("worker", now.worker, now.worker_silent_s),
-    ):
-        if name not in known and not now.hosted:
-            state = "running" if said is not None else "silent" if silent_s > SILENT_S else "starting"
-            yield Process(name, state)
+    def _processes(self) -> Iterator[ProcessStatus]:
+        if self.host is not None:
+            yield from self.host.processes.values()
+        for name, poll in self._polls.items():
+            if name != "host":
+                state = "silent" if poll.is_silent else "starting" if poll.status is None else "running"
+                yield ProcessStatus(name, state=state)  # type: ignore[arg-type]
 
 
 def _free_bytes(root: Path) -> int | None:

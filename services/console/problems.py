@@ -1,11 +1,12 @@
-"""What is wrong, in words, and what to do: pure, from a snapshot."""
+"""What is wrong, in words, and what to do: what the processes say themselves, and what only the console sees."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 
-from entoptic.services.console.protocol import Problem
-from entoptic.services.console.status import SILENT_S, HostSays, ProcessSays, Snapshot
+import msgspec
+
+from entoptic.services.ipc.status import BridgeStatus, HostStatus, Problem, WorkerStatus, merged, problem
 
 LOST_S = 1.5
 """Longer than any blink. Engineering choice."""
@@ -19,159 +20,106 @@ BEHIND_SHARE = 0.1
 LATE_MS = 250.0
 """A blink lasts that long: what is shown belongs to another moment. Engineering choice."""
 LITTLE_BYTES, VERY_LITTLE_BYTES = 2_000_000_000, 200_000_000
-"""An hour's take and a minute's, roughly."""
-TAKEN_BACK = "settings were taken back"
-"""Words of services/worker/live.py, after all that is wrong with its take."""
-_RANK = {"error": 0, "warning": 1, "note": 2}
+"""An hour's recording and a minute's, roughly."""
+
+
+class Snapshot(msgspec.Struct, frozen=True, kw_only=True):
+    """All that is known at a moment. Of a process that does not answer nothing is known: None."""
+
+    hosted: bool
+    host: HostStatus | None = None
+    bridge: BridgeStatus | None = None
+    worker: WorkerStatus | None = None
+    silent_s: dict[str, float] = {}
+    """Of host, bridge and worker those that do not answer, and for how long."""
+    lost_s: dict[str, float] = {}
+    """For how long each lost eye has been lost."""
+    states_silent_s: float | None = None
+    """Since the last state came; None if none ever came."""
+    frames_silent_s: float | None = None
+    """The same of frames."""
+    dropped_share: float = 0.0
+    """Of the frames due in the last ten seconds."""
+    unreachable: str | None = None
+    """Why an address cannot be connected to."""
+    latency_p95_ms: float | None = None
+    free_bytes: int | None = None
+    """On the disk where recordings go; None where that is not known."""
 
 
 def problems(now: Snapshot) -> tuple[Problem, ...]:
-    """All that is wrong, the worst first."""
-    found = [*_of_host(now), *_of_processes(now), *_of_disk(now)]
-    if now.running and (now.host is not None or not now.hosted):
-        found += [*_of_eyes(now), *_of_frames(now)]
-    return tuple(sorted(found, key=lambda problem: _RANK[problem.severity]))
+    """All that is wrong, the worst first, each once."""
+    said = [status.problems for status in (now.host, now.bridge, now.worker) if status is not None]
+    codes = {one.code for each in said for one in each}
+    found = [*_of_answers(now)]
+    if "disk full" not in codes:
+        found += _of_disk(now)
+    if now.host.running if now.host is not None else not now.hosted:
+        found += [] if "no tracker" in codes else _of_eyes(now)
+        found += _of_frames(now)
+    return merged(*said, found)
 
 
-def _of_host(now: Snapshot) -> Iterator[Problem]:
-    if not now.hosted:
-        return
-    if now.host is None:
-        if now.host_silent_s > SILENT_S:
-            yield Problem(
+def _of_answers(now: Snapshot) -> Iterator[Problem]:
+    if now.unreachable is not None:
+        yield problem("unreachable", "error", now.unreachable, "Give the addresses that bridge and worker log")
+    for name, silent_s in now.silent_s.items():
+        if name == "host":
+            yield problem(
                 "host gone",
                 "error",
-                f"The program that runs the session has not answered for {now.host_silent_s:.0f} s.",
-                "Look at the terminal where it was started, and start it again; takes are kept up to the last second.",
+                f"The program that runs the session has not answered for {silent_s:.0f} s",
+                "Look at the terminal where it was started, and start it again; what was recorded is kept",
             )
-        return
-    if trouble := _not_said_below(now.host.trouble or "", now):
-        yield Problem("host trouble", "warning", _sentence(trouble), "Mend what it says, then start again.")
-    if not now.host.running:
-        yield Problem("nothing runs", "note", "No session runs.", "Choose eyes and a scene, then Start.")
-
-
-def _not_said_below(trouble: str, now: Snapshot) -> str:
-    """The host joins all that it hears of; what its processes say is told of them."""
-    known = {
-        now.trouble,
-        now.bridge.trouble if now.bridge else None,
-        now.worker.trouble if now.worker else None,
-    }
-    crashed = tuple(f"the {name} crashed" for name in now.host.processes) if now.host else ()
-    parts = trouble.split("; ")
-    if any(part.startswith(crashed) for part in parts):
-        return ""
-    return "; ".join(part for part in parts if part not in known)
-
-
-def _of_processes(now: Snapshot) -> Iterator[Problem]:
-    if now.host is not None and now.host.running:
-        for name, process in now.host.processes.items():
-            if name in ("bridge", "worker"):
-                yield from _of_process(name, process, now.host)
-    if now.hosted and (now.host is None or not now.host.running):
-        return
-    for name, said, silent_s in (
-        ("bridge", now.bridge, now.bridge_silent_s),
-        ("worker", now.worker, now.worker_silent_s),
-    ):
-        known = now.host.processes.get(name) if now.host is not None else None
-        if said is None and silent_s > SILENT_S and (known is None or known.state == "running"):
-            yield Problem(
+        else:
+            yield problem(
                 f"{name} silent",
                 "error",
-                f"The {name} has not answered for {silent_s:.0f} s.",
-                "Stop the session and start it again."
-                if now.hosted
-                else f"See that the {name} runs, and that the console was given the addresses that it logs.",
+                f"The {name} has not answered for {silent_s:.0f} s",
+                f"See that the {name} runs, and that the console was given the addresses that it logs",
             )
-
-
-def _of_process(name: str, process: ProcessSays, host: HostSays) -> Iterator[Problem]:
-    why = f": {process.last_error}" if process.last_error else ""
-    if process.state == "restarting":
-        yield Problem(
-            f"{name} restarting",
-            "warning",
-            _sentence(f"The {name} crashed and is being started again{why}"),
-            "Wait a moment. If it happens again and again, stop the session and look at its log.",
-        )
-    elif process.state == "failed":
-        yield Problem(
-            f"{name} failed",
-            "error",
-            _sentence(f"The {name} failed and is not started again{why}"),
-            "Stop the session, mend what it says, and start again.",
-        )
+    if now.host is not None and not now.host.running:
+        yield problem("nothing runs", "note", "No session runs", "Choose eyes and a scene, then Start")
 
 
 def _of_disk(now: Snapshot) -> Iterator[Problem]:
     if now.free_bytes is not None and now.free_bytes < LITTLE_BYTES:
-        severity = "error" if now.free_bytes < VERY_LITTLE_BYTES else "warning"
-        yield Problem(
+        yield problem(
             "disk nearly full",
-            "error" if severity == "error" else "warning",
-            f"Only {now.free_bytes / 1e6:.0f} MB are left on the disk where takes are kept.",
-            "Delete or move old takes, or start with another --root.",
+            "error" if now.free_bytes < VERY_LITTLE_BYTES else "warning",
+            f"Only {now.free_bytes / 1e6:.0f} MB are left on the disk where recordings go",
+            "Delete or move old recordings, or start with another --root",
         )
-    for name, trouble in (
-        ("bridge", now.bridge.trouble if now.bridge else None),
-        ("worker", now.trouble or (now.worker.trouble if now.worker else None)),
-    ):
-        kept, taken_back, why = (trouble or "").partition(TAKEN_BACK)
-        if taken_back:
-            yield Problem(
-                "settings taken back",
-                "warning",
-                _sentence(f"The last {taken_back}{why}"),
-                "Those from before go on. Choose other values under Settings.",
-            )
-        if kept := kept.rstrip("; "):
-            yield Problem(
-                f"{name} trouble",
-                "error",
-                _sentence(f"The {name} says: {kept}"),
-                "What was kept before is whole. Make room or mend it, then Record again.",
-            )
 
 
 def _of_eyes(now: Snapshot) -> Iterator[Problem]:
     if now.bridge is None:
         return
-    if now.bridge.silent:
-        yield Problem(
-            "no tracker",
-            "error",
-            _sentence(f"Nothing comes from the tracker: {now.bridge.silent}"),
-            "Check that it is plugged in and its program runs; the session goes on as soon as it is back.",
-        )
-        return
     if now.states_silent_s is not None and now.states_silent_s > NO_STATES_S:
-        yield Problem(
+        yield problem(
             "no states",
             "error",
-            f"No eye states have come for {now.states_silent_s:.0f} s, though the bridge runs.",
-            "If a recording was played it may be over; otherwise stop and start again.",
+            f"No eye states have come for {now.states_silent_s:.0f} s, though the bridge runs",
+            "If a recording was played it may be over; otherwise stop and start again",
         )
         return
     lost = [eye for eye in ("left", "right") if now.lost_s.get(eye, 0.0) > LOST_S]
     for eye in lost:
         both = len(lost) == 2
-        yield Problem(
+        yield problem(
             f"pupil lost {eye}",
             "error" if both else "warning",
             f"The {eye} pupil has been lost for {now.lost_s[eye]:.0f} s"
-            + (", and the other one too." if both else "; the other eye's is shown instead."),
-            f"Look at the tracker's picture of the {eye} eye: eye open, camera on it, in focus, no reflection.",
+            + (", and the other one too" if both else "; the other eye's is shown instead"),
+            f"Look at the tracker's picture of the {eye} eye: eye open, camera on it, in focus, no reflection",
         )
     uncertainty_ms = now.bridge.clock_uncertainty_ms
     if uncertainty_ms is not None and uncertainty_ms > CLOCK_MS:
-        yield Problem(
+        yield problem(
             "clock uncertain",
             "warning",
-            f"The tracker's clock is known to ±{uncertainty_ms:.0f} ms only.",
-            "Give it a minute. If it stays, use a cable instead of a wireless network, and load the machine less.",
+            f"The tracker's clock is known to ±{uncertainty_ms:.0f} ms only",
+            "Give it a minute. If it stays, use a cable instead of a wireless network, and load the machine less",
         )
 
 
@@ -180,29 +128,25 @@ def _of_frames(now: Snapshot) -> Iterator[Problem]:
     if worker is None or worker.preparing:
         return
     if now.frames_silent_s is not None and now.frames_silent_s > NO_FRAMES_S:
-        yield Problem(
+        yield problem(
             "no frames",
             "error",
-            f"No frame has come from the worker for {now.frames_silent_s:.0f} s.",
-            "Stop the session and start it again with fewer pixels.",
+            f"No frame has come from the worker for {now.frames_silent_s:.0f} s",
+            "Stop the session and start it again with fewer pixels",
         )
     elif now.dropped_share > BEHIND_SHARE:
         reached = "" if worker.reached_fps is None else f": {worker.reached_fps:.1f} frames a second"
         asked = "" if worker.fps is None or not reached else f" of {worker.fps:g} asked for"
-        yield Problem(
+        yield problem(
             "worker behind",
             "warning",
-            f"The worker leaves out {100 * now.dropped_share:.0f} % of the frames{reached}{asked}.",
-            "Choose fewer pixels, fewer frames a second, or a time budget under Plan.",
+            f"The worker leaves out {100 * now.dropped_share:.0f} % of the frames{reached}{asked}",
+            "Choose fewer pixels, fewer frames a second, or a time budget under Plan",
         )
     elif now.latency_p95_ms is not None and now.latency_p95_ms > LATE_MS:
-        yield Problem(
+        yield problem(
             "late",
             "warning",
-            f"From a sample to its light it takes up to {now.latency_p95_ms:.0f} ms (95 % of frames).",
-            "Choose fewer pixels or a time budget under Plan.",
+            f"From a sample to its light it takes up to {now.latency_p95_ms:.0f} ms (95 % of frames)",
+            "Choose fewer pixels or a time budget under Plan",
         )
-
-
-def _sentence(text: str) -> str:
-    return text.strip().rstrip(".") + "."

@@ -49,7 +49,7 @@ def run(
     finally:
         server.close()
     if not stop():
-        raise ConsoleError(f"the console's server ended by itself: {server.trouble or 'see the log above'}")
+        raise ConsoleError(f"the console's server ended by itself: {server.failure or 'see the log above'}")
     log.info("ended")
 
 

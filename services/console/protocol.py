@@ -8,7 +8,7 @@ know. The first array begins with `hello`; then `fields`, `settings` and `status
 endian), then a JPEG. Only the newest picture is sent; a page that is slow misses pictures. Before a picture comes the
 `shown` of its frame, unless the page fell behind.
 
-**Page → server, text**: one JSON object, 64 kB at most, whose `do` says which request of requests.py, and whose
+**Page → server, text**: `{"id": 1, "request": {"do": …}}`, 64 kB at most: `do` says which request of requests.py,
 `id` comes back in the reply's `re`. Each request is answered once, in order; what is not understood too.
 
 Times `t_s` are seconds on the server's monotonic clock since `hello`'s zero, the same for all pages; `traces` says what
@@ -22,8 +22,9 @@ from typing import Any, Final, Literal
 import msgspec
 
 from entoptic.services.ipc.messages import Shown
+from entoptic.services.ipc.status import BridgeStatus, HostStatus, Problem, ProcessStatus, WorkerStatus
 
-VERSION: Final = 1
+VERSION: Final = 2
 PERCEIVED, DISPLAYED = 1, 2
 """First byte of a picture."""
 
@@ -171,7 +172,7 @@ class Marks(_Message, frozen=True, tag="marks"):
 class ShownNow(Shown, frozen=True, tag_field="type", tag="shown"):
     """What was rendered in a frame; with many pages open not of every frame.
 
-    `t_s` is on the pages' clock, and `take` the name of the take's folder. A picture holds all eyes' side by side, in
+    `t_s` is on the pages' clock, and `recording` is a name. A picture holds all eyes' side by side, in
     the order of `eyes`, perhaps scaled down.
     """
 
@@ -191,78 +192,31 @@ class Latency(msgspec.Struct, frozen=True):
     frame_to_sink_ms: float
 
 
-class Process(msgspec.Struct, frozen=True):
-    """One process of the session."""
-
-    name: str
-    state: str
-    """starting, running, restarting, stopped or failed; `silent` where it does not answer."""
-    restarts: int = 0
-    last_error: str | None = None
-
-
-class Problem(msgspec.Struct, frozen=True):
-    """Something that is wrong."""
-
-    name: str
-    """Stays the same while the problem lasts: `no tracker`, `pupil lost left` …"""
-    severity: Literal["error", "warning", "note"]
-    """error: the session does not work; warning: it works worse; note: nothing is wrong, but good to know."""
-    what: str
-    """A sentence for a person."""
-    remedy: str
-    """What to do."""
-
-
-class Status(_Message, frozen=True, tag="status"):
-    """How it goes, twice a second."""
+class StatusNow(_Message, frozen=True, tag="status"):
+    """How it goes, twice a second: what the processes say of themselves, and what is known here alone."""
 
     running: bool
     """Whether a session runs."""
-    preparing: bool
-    """Whether the worker still compiles: no frames yet."""
-    source: str | None
-    scene: str | None
-    config: dict[str, Any] | None
-    """The SessionConfig that it was started with; null where this is not known."""
-    started: str | None
-    """ISO time."""
-    sample_rate_hz: float | None
-    """Of the tracker, by the bridge."""
-    states_hz: float
-    """States that came here in the last two seconds, each second."""
-    clock_uncertainty_ms: float | None
-    late_samples: int
-    silent: str | None
-    """Why nothing comes from the tracker; null while it does."""
-    fps: float | None
-    """Asked for."""
-    reached_fps: float | None
-    dropped: int | None
-    """Frames left out so far."""
-    budget_ms: float | None
-    latency: Latency | None
-    processes: tuple[Process, ...]
-    take: str | None
-    """Name of the folder that is being written; null while nothing is kept."""
-    take_s: float | None
+    host: HostStatus | None
+    """Without bridge and worker, which follow. Null where there is none, or it does not answer; so are these."""
+    bridge: BridgeStatus | None
+    worker: WorkerStatus | None
+    processes: tuple[ProcessStatus, ...]
+    recording: str | None
+    """Name of the folder that is being written; null while nothing is recorded."""
+    recording_s: float | None
     """How long it is by now."""
     finishing: str | None
-    """Name of a take that has ended and whose report is being written; null otherwise."""
-    last_take: str | None
+    """Name of a recording that has ended and whose report is being written; null otherwise."""
+    last_recording: str | None
     """Name of the last finished folder; its report is at `/sessions/NAME/report.html`."""
-    calibrating: dict[str, Any] | None
-    """A pupil calibration that runs: stage, screen, step, steps, seconds_done, seconds."""
-    calibrated: dict[str, Any] | None
-    """The result of the last one; see services/calibration/live.py. Its plot lies below `/pupil-maps/`."""
+    states_hz: float
+    """States that came here in the last two seconds, each second."""
+    latency: Latency | None
     pages: int
     """Pages that are open."""
     problems: tuple[Problem, ...]
     """The worst first."""
-    root: str | None = None
-    """Folder of all takes; null where it is not known."""
-    state: str | None = None
-    """Of the session, by its host: starting, running, stopping, ended, or idle; null where there is no host."""
 
 
 class Replied(_Message, frozen=True, tag="reply"):
@@ -285,7 +239,7 @@ class Bye(_Message, frozen=True, tag="bye"):
     """Whether to try to connect again: the server is being started anew, or this page was too slow."""
 
 
-Message = Hello | Fields | SettingsNow | Traces | Marks | ShownNow | Status | Replied | Bye
+Message = Hello | Fields | SettingsNow | Traces | Marks | ShownNow | StatusNow | Replied | Bye
 
 
 class Listed(msgspec.Struct, frozen=True):

@@ -1,25 +1,27 @@
-"""What a page may ask of the console's server; protocol.py says how it is sent and answered."""
+"""What a page may ask of the console's server; protocol.py says how it is sent and answered.
+
+What host and bridge do is passed on to them as it is: services/ipc/requests.py, OF_HOST and OF_BRIDGE here.
+"""
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Final, Literal
+from typing import Annotated, Any, Final, Literal, get_args
 
 import msgspec
 
-from entoptic.services.session_config import SessionConfig
+from entoptic.services.ipc.requests import Record, StartSession, StopCalibratingPupils, StopRecord, StopSession
+from entoptic.services.ipc.requests import TrackerRequest as TrackerRequest
 
 MAX_REQUEST_BYTES: Final = 65_536
 """A page that sends a longer message is disconnected (close code 1009)."""
 ObserverName = Annotated[str, msgspec.Meta(pattern=r"^[A-Za-z0-9][A-Za-z0-9_-]{0,63}\Z")]
 """Letters, digits, - and _; 64 at most."""
-TakeName = Annotated[str, msgspec.Meta(pattern=r"^([A-Za-z0-9][A-Za-z0-9_-]{0,63})?\Z")]
+MapName = Annotated[str, msgspec.Meta(pattern=r"^([A-Za-z0-9][A-Za-z0-9_-]{0,63})?\Z")]
 """The same, or empty for the time."""
 
 
 class _Request(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field="do", kw_only=True):
-    """Page → server."""
-
-    id: Annotated[int, msgspec.Meta(ge=0, le=2**53)]
+    """Of the server itself."""
 
 
 class Watch(_Request, frozen=True, tag="watch"):
@@ -29,33 +31,13 @@ class Watch(_Request, frozen=True, tag="watch"):
     displayed: bool = True
 
 
-class Start(_Request, frozen=True, tag="start"):
-    """A session is to begin, with the settings in force. A running one is to be stopped first. Hosted only."""
-
-    config: SessionConfig
-
-
-class Stop(_Request, frozen=True, tag="stop"):
-    """The session is to end, with its take. Hosted only."""
-
-
-class Record(_Request, frozen=True, tag="record"):
-    """A take is to begin. Hosted only."""
-
-    name: TakeName = ""
-
-
-class StopRecord(_Request, frozen=True, tag="stop record"):
-    """The take is to end. Its report is written while the status says `finishing`. Hosted only."""
-
-
 class CalibratePupils(_Request, frozen=True, tag="calibrate pupils"):
     """A pupil calibration is to begin: open the page at `hello.screens_url`.
 
-    How it goes is in the status' `calibrating` and `calibrated`.
+    How it goes is in the bridge's status, `calibrating` and `calibrated`.
     """
 
-    name: TakeName = ""
+    name: MapName = ""
     """Of the pupil map; the time unless given. Reply data: {"pupil_map": path}, for a later SessionConfig."""
     protocol: Literal["robust", "luidolt"] = "robust"
     white_s: Annotated[float, msgspec.Meta(ge=1.0, le=120.0)] | None = None
@@ -71,29 +53,7 @@ class StartScreens(_Request, frozen=True, tag="start screens"):
     """The screens of a pupil calibration are to begin, or to go on, as by the button on their own page."""
 
 
-class StopCalibratingPupils(_Request, frozen=True, tag="stop calibrating pupils"):
-    """It is to be broken off."""
-
-
-class CalibrateGaze(_Request, frozen=True, tag="calibrate gaze"):
-    """The tracker is to calibrate gaze, by itself; how it goes comes as marks of `tracker task`."""
-
-
-class StopCalibratingGaze(_Request, frozen=True, tag="stop calibrating gaze"):
-    """It is to be broken off."""
-
-
-class RecordTracker(_Request, frozen=True, tag="record tracker"):
-    """The tracker is to record, by itself."""
-
-    name: str = ""
-
-
-class StopRecordTracker(_Request, frozen=True, tag="stop record tracker"):
-    """Its recording is to end."""
-
-
-class Perceive(_Request, frozen=True, tag="perceive"):
+class ChangeSettings(_Request, frozen=True, tag="change settings"):
     """Settings are to be changed, from the next frame on; all pages get the new `settings`."""
 
     changes: dict[str, Any] = {}
@@ -103,7 +63,7 @@ class Perceive(_Request, frozen=True, tag="perceive"):
 
 
 class SaveObserver(_Request, frozen=True, tag="save observer"):
-    """The settings in force are to be kept under a name. Reply data where one is there already and `overwrite` is not
+    """The settings in force are to be saved under a name. Reply data where one is there already and `overwrite` is not
     set: {"exists": true}."""
 
     name: ObserverName
@@ -111,7 +71,7 @@ class SaveObserver(_Request, frozen=True, tag="save observer"):
 
 
 class LoadObserver(_Request, frozen=True, tag="load observer"):
-    """Settings kept under a name are to be in force."""
+    """Settings saved under a name are to be in force."""
 
     name: ObserverName
 
@@ -122,30 +82,26 @@ class List(_Request, frozen=True, tag="list"):
     what: Literal["observers", "scenes", "sources", "sessions", "pupil maps"]
 
 
+OfHost = StartSession | StopSession | Record | StopRecord
+OfBridge = StopCalibratingPupils | TrackerRequest
+OF_HOST, OF_BRIDGE = get_args(OfHost), get_args(OfBridge)
 Request = (
-    Watch
-    | Start
-    | Stop
-    | Record
-    | StopRecord
-    | CalibratePupils
-    | StartScreens
-    | StopCalibratingPupils
-    | CalibrateGaze
-    | StopCalibratingGaze
-    | RecordTracker
-    | StopRecordTracker
-    | Perceive
-    | SaveObserver
-    | LoadObserver
-    | List
+    Watch | CalibratePupils | StartScreens | ChangeSettings | SaveObserver | LoadObserver | List | OfHost | OfBridge
 )
 
 
-_request: msgspec.json.Decoder[Request] = msgspec.json.Decoder(Request)
+class Numbered(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """Page → server."""
+
+    id: Annotated[int, msgspec.Meta(ge=0, le=2**53)]
+    """Comes back with the reply."""
+    request: Request
 
 
-class _Numbered(msgspec.Struct, frozen=True):
+_request: msgspec.json.Decoder[Numbered] = msgspec.json.Decoder(Numbered)
+
+
+class _Number(msgspec.Struct, frozen=True):
     id: int | None = None
 
 
@@ -158,7 +114,7 @@ class RequestError(Exception):
         """Its id, where that could be read."""
 
 
-def decode_request(text: str | bytes) -> Request:
+def decode_request(text: str | bytes) -> Numbered:
     """Raises RequestError."""
     try:
         return _request.decode(text)
@@ -168,6 +124,6 @@ def decode_request(text: str | bytes) -> Request:
 
 def _id_of(text: str | bytes) -> int | None:
     try:
-        return msgspec.json.decode(text, type=_Numbered).id
+        return msgspec.json.decode(text, type=_Number).id
     except (msgspec.DecodeError, UnicodeError, RecursionError):
         return None

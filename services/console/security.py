@@ -90,7 +90,7 @@ def new_token() -> str:
     return secrets.token_urlsafe(32)
 
 
-class Door:
+class Gate:
     """Stands before the application (ASGI middleware)."""
 
     def __init__(self, app: ASGIApp, rules: Rules) -> None:

@@ -29,7 +29,7 @@ from entoptic.services.console.listing import PUPIL_MAPS
 from entoptic.services.console.live import Live, Places
 from entoptic.services.console.protocol import Fields, Hello, Replied
 from entoptic.services.console.requests import MAX_REQUEST_BYTES, RequestError
-from entoptic.services.console.security import Door, Rules
+from entoptic.services.console.security import Gate, Rules
 from entoptic.services.console.viewers import Page
 from entoptic.services.results import session_file
 from entoptic.services.web_server import WebServer, listen
@@ -57,7 +57,7 @@ class Console:
         self.actions = Actions(self.live, folders, self.pool, self.screens)
         self.loop: asyncio.AbstractEventLoop | None = None
         """That of the server, once it runs."""
-        self.trouble: str | None = None
+        self.failure: str | None = None
         """What ended all that pages are fed by; it is logged, and the server ends."""
 
     def _where(self) -> tuple[str, str] | None:
@@ -73,9 +73,9 @@ class Console:
             first = error
             while isinstance(first, ExceptionGroup):
                 first = first.exceptions[0]
-            self.trouble = str(first) or type(first).__name__
+            self.failure = str(first) or type(first).__name__
             structlog.get_logger().error(
-                "console broken", error=self.trouble, traceback="".join(traceback.format_exception(error))
+                "console broken", error=self.failure, traceback="".join(traceback.format_exception(error))
             )
 
     async def welcome(self, page: Page) -> None:
@@ -141,21 +141,21 @@ class _Sessions(StaticFiles):
 
 
 def app(
-    console: Console, rules: Rules, cut: Callable[[tuple[str, int]], None], on_trouble: Callable[[], None]
+    console: Console, rules: Rules, cut: Callable[[tuple[str, int]], None], on_failure: Callable[[], None]
 ) -> Starlette:
-    """The application, with its door; `on_trouble` is called when nothing feeds the pages any more."""
+    """The application, with its door; `on_failure` is called when nothing feeds the pages any more."""
 
     async def index(request: Request) -> Response:
         return FileResponse(PAGE / "index.html")
 
     async def health(request: Request) -> Response:
-        ok = console.trouble is None
+        ok = console.failure is None
         return JSONResponse({"ok": ok}, 200 if ok else 503)
 
     @contextlib.asynccontextmanager
     async def lifespan(app: Starlette) -> AsyncIterator[None]:
         running = asyncio.create_task(console.run())
-        running.add_done_callback(lambda _: None if console.trouble is None else on_trouble())
+        running.add_done_callback(lambda _: None if console.failure is None else on_failure())
         yield
         running.cancel()
         await asyncio.gather(running, return_exceptions=True)
@@ -173,7 +173,7 @@ def app(
             Mount("/sessions", _Sessions(directory=console.folders.root, check_dir=False)),
             Mount("/", StaticFiles(directory=PAGE)),
         ],
-        middleware=[Middleware(Door, rules=rules)],
+        middleware=[Middleware(Gate, rules=rules)],
         lifespan=lifespan,
     )
 
@@ -196,9 +196,9 @@ class Server:
         )
 
     @property
-    def trouble(self) -> str | None:
+    def failure(self) -> str | None:
         """Why it ended by itself, where that is known."""
-        return self._console.trouble
+        return self._console.failure
 
     @property
     def lives(self) -> bool:

@@ -7,6 +7,7 @@ One request, one reply, each a msgpack map of one part: `{"do": "start recording
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import time
 from typing import Any, Self, TypeAlias
 
@@ -73,13 +74,16 @@ class Client:
 
     def poll(self, wait_ms: int = 0) -> Reply | None:
         """The reply, None while there is none. Raises ControlError where it cannot be read."""
-        if self.request is None or not self._socket.poll(wait_ms):
-            return None
-        self.request = None
-        try:
-            return msgspec.msgpack.decode(self._socket.recv(), type=Reply)
-        except (msgspec.DecodeError, UnicodeDecodeError) as error:
-            raise ControlError(f"{self.address} does not speak Entoptic's protocol: {error}") from None
+        until_s = time.monotonic() + wait_ms / 1e3
+        while self.request is not None and self._socket.poll(max(int((until_s - time.monotonic()) * 1e3), 0)):
+            with contextlib.suppress(zmq.Again):  # it was the late reply to an earlier request
+                message = self._socket.recv(zmq.DONTWAIT)
+                self.request = None
+                try:
+                    return msgspec.msgpack.decode(message, type=Reply)
+                except (msgspec.DecodeError, UnicodeDecodeError) as error:
+                    raise ControlError(f"{self.address} does not speak Entoptic's protocol: {error}") from None
+        return None
 
     def ask(self, request: msgspec.Struct, patience_ms: int = PATIENCE_MS) -> Reply:
         """Waits for the reply, be it a refusal. Raises ControlError where none comes."""

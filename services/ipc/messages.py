@@ -131,10 +131,8 @@ class Shown(msgspec.Struct, frozen=True):
     """Frames left out so far."""
     latency: LatencyMs | None
     """None where no state was fresh, or came from another machine's clock."""
-    take: str | None
-    """The folder in which all is kept; None while nothing is."""
-    trouble: str | None = None
-    """What went wrong and goes on being so, for a person: a take that ended since the disk is full."""
+    recording: str | None
+    """The folder in which all is recorded; None while nothing is."""
 
 
 class EngineEye(msgspec.Struct, frozen=True):

@@ -5,25 +5,26 @@ Each is one msgpack map whose `do` says which; other languages see docs/wire-for
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 import msgspec
 
 from entoptic.services.session_config import SessionConfig
+from entoptic.services.settings import Settings
 
 
 class _Request(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field="do"):
-    """One wish."""
+    """One command."""
 
 
-class StartRecording(_Request, frozen=True, tag="start recording"):
+class StartTrackerRecording(_Request, frozen=True, tag="start tracker recording"):
     """The tracker is to record, by itself."""
 
     name: str = ""
     """What the recording is to be called."""
 
 
-class StopRecording(_Request, frozen=True, tag="stop recording"):
+class StopTrackerRecording(_Request, frozen=True, tag="stop tracker recording"):
     """The tracker is to end its recording."""
 
 
@@ -52,27 +53,26 @@ class StopCalibratingPupils(_Request, frozen=True, tag="stop calibrating pupils"
     """Nothing is changed then."""
 
 
-class BeginTake(_Request, frozen=True, tag="begin take"):
-    """From now on all is kept in a folder, which is there."""
+class StartRecording(_Request, frozen=True, tag="start recording"):
+    """From now on all is recorded in a folder, which is there."""
 
     folder: str
     start_ns: int
-    """Zero of the tables' times, on the monotonic clock; later begins with the same go on where a crash broke off."""
+    """Zero of the tables' times, on the monotonic clock; a process that was started again goes on with it."""
 
 
-class EndTake(_Request, frozen=True, tag="end take"):
-    """Nothing is kept any more; the files are whole when the answer comes."""
+class StopRecording(_Request, frozen=True, tag="stop recording"):
+    """Nothing is recorded any more; the files are whole when the reply comes."""
 
 
-class Perceive(_Request, frozen=True, tag="perceive"):
-    """Other settings, from the next frame on."""
+class ChangeSettings(_Request, frozen=True, tag="change settings"):
+    """Other settings, from the next frame on; the reply's data is their revision."""
 
-    settings: dict[str, Any]
-    """All of services.settings.Settings, as built-in types."""
+    settings: Settings
 
 
 class GiveStatus(_Request, frozen=True, tag="status"):
-    """How it goes; the reply's data are the process's figures."""
+    """How it is; the reply's data is the process's record of status.py."""
 
 
 class StartSession(_Request, frozen=True, tag="start session"):
@@ -82,21 +82,21 @@ class StartSession(_Request, frozen=True, tag="start session"):
 
 
 class StopSession(_Request, frozen=True, tag="stop session"):
-    """They are to be ended, with the take if one is running."""
+    """They are to be ended, with the recording if one is running."""
 
 
 class Record(_Request, frozen=True, tag="record"):
-    """A take is to begin, in a folder of its own."""
+    """A recording is to begin, in a folder of its own."""
 
     name: str = ""
     """Of the folder; the time unless given."""
 
 
 class StopRecord(_Request, frozen=True, tag="stop record"):
-    """The take is to end; the report is written."""
+    """The recording is to end; the report is written."""
 
 
-TrackerRequest = StartRecording | StopRecording | StartCalibration | StopCalibration
-BridgeRequest = TrackerRequest | CalibratePupils | StopCalibratingPupils | BeginTake | EndTake | GiveStatus
-WorkerRequest = Perceive | BeginTake | EndTake | GiveStatus
+TrackerRequest = StartTrackerRecording | StopTrackerRecording | StartCalibration | StopCalibration
+BridgeRequest = TrackerRequest | CalibratePupils | StopCalibratingPupils | StartRecording | StopRecording | GiveStatus
+WorkerRequest = ChangeSettings | StartRecording | StopRecording | GiveStatus
 HostRequest = StartSession | StopSession | Record | StopRecord | GiveStatus

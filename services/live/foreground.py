@@ -1,4 +1,4 @@
-"""A host that a person attends from a terminal: one live session, or whatever the console asks for."""
+"""A host in the foreground of a terminal: one live session, or whatever the console asks for."""
 
 from __future__ import annotations
 
@@ -21,9 +21,9 @@ from entoptic.services.session_config import OpenedSession
 
 
 def session(opened: OpenedSession, final: Path, web: Web | None, stop: Stop, console: Console) -> int:
-    """Runs a live session to its end, with a take from its first frame on; the exit status.
+    """Runs a live session to its end, recorded from its first frame on; the exit status.
 
-    Raises TakeError and ResultsFolderError where that cannot be kept, before anything is started.
+    Raises RecordingFolderError and ResultsFolderError where that cannot be kept, before anything is started.
     """
     refuse(final)
     with _host(final.parent, web, console) as host:
@@ -34,9 +34,8 @@ def session(opened: OpenedSession, final: Path, web: Web | None, stop: Stop, con
             console.print(f"results: [b]{escape(str(kept.last_folder))}[/b]", soft_wrap=True)
             if (kept.last_folder / REPORT).exists():
                 console.print(f"look at: [b]{escape(str(kept.last_folder / REPORT))}[/b]", soft_wrap=True)
-        trouble = kept.trouble
-        if trouble is not None:
-            console.print(f"[yellow]![/yellow] {escape(trouble)}", soft_wrap=True)
+        for one in kept.problems:
+            console.print(f"[yellow]![/yellow] {escape(str(one))}", soft_wrap=True)
         unfinished = final.resolve().with_name(final.name + PARTIAL)
         for folder in (unfinished, kept.last_folder):
             if folder is not None and folder.exists() and not (folder / REPORT).exists():

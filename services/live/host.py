@@ -15,15 +15,15 @@ import time
 from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor, wait
 from pathlib import Path
-from typing import Any, Final, Self
+from typing import Final, Self
 
-import msgspec
 import zmq
 
-from entoptic.services import recording as takes
+from entoptic.services import recording
 from entoptic.services.ipc.client import Reply
 from entoptic.services.ipc.handler import RequestHandler
 from entoptic.services.ipc.requests import GiveStatus, HostRequest, Record, StartSession, StopRecord, StopSession
+from entoptic.services.ipc.status import HostStatus, Problem, merged, problem
 from entoptic.services.live import registry
 from entoptic.services.live.journal import Journal
 from entoptic.services.live.live_session import ENDS_WITHIN_S, LiveSession
@@ -52,11 +52,11 @@ class Host:
         web: Web | None = None,
         control_address: str = "tcp://127.0.0.1:*",
     ) -> None:
-        """Takes are kept in `root`; `web` is settled."""
+        """Recordings go into `root`; `web` is settled."""
         self.root = root
         self.console_url = None if web is None else web.url
         self.session: LiveSession | None = None
-        self.trouble: str | None = None
+        self.problems: tuple[Problem, ...] = ()
         self._last: LiveSession | None = None
         self._opened = contextlib.ExitStack()
         self._context: zmq.Context[zmq.Socket[bytes]] = zmq.Context()
@@ -81,11 +81,12 @@ class Host:
 
     def _register(self) -> Path:
         """Says that this host runs, where others look; the folder for what is needed meanwhile."""
-        told = registry.RunningHost(os.getpid(), self.control, session_file.now(), self.console_url)
+        running = registry.RunningHost(os.getpid(), self.control, session_file.now(), self.console_url)
         try:
-            registration = registry.Registration(told)
+            registration = registry.Registration(running)
         except OSError as error:
-            self.trouble = f"`entoptic status` will not find this session: {error}"
+            what = f"`entoptic status` will not find this session: {error}"
+            self.problems = (problem("not registered", "warning", what, "Make room, or look at the permissions"),)
             return Path(self._opened.enter_context(tempfile.TemporaryDirectory(prefix="entoptic-")))
         self._opened.callback(registration.close)
         return registration.scratch
@@ -112,16 +113,16 @@ class Host:
                 case GiveStatus():
                     return Reply(True, "running" if self.session is not None else "idle", self.status())
         except Exception as error:
-            self.journal.say("trouble", error=str(error), kind=type(error).__name__)
+            self.journal.say("failed", error=str(error), kind=type(error).__name__)
             return Reply(False, str(error) or type(error).__name__)
 
     def start(self, config: SessionConfig) -> Reply:
-        """Starts a session. Raises what `open_session` does; where that takes long, it is told as trouble later."""
+        """Starts a session. Raises what `open_session` does, or says it in the status where that takes long."""
         if self.session is not None and self.session.finishing is not None and self.session.state == "stopping":
             return Reply(False, f"the last session is still finishing {self.session.finishing}: wait a moment")
         if self.session is not None or self._checking is not None:
             return Reply(False, "a session is running: stop it first")
-        self.trouble = None
+        self.problems = ()
         self._checking = self._work.submit(open_session, config)
         self._checks = [one for one in (*self._checks, self._checking) if not one.done()]
         wait([self._checking], CHECK_ANSWERS_WITHIN_S)
@@ -135,11 +136,12 @@ class Host:
         try:
             self.begin(checking.result())
         except Exception as error:
-            self.trouble = str(error) or type(error).__name__
+            what = str(error) or type(error).__name__
+            self.problems = (problem("not started", "error", what, "Mend what it says, then start again"),)
             raise
 
     def begin(self, opened: OpenedSession, record_to: Path | None = None) -> LiveSession:
-        """Starts a session, with a take from its first frame on if a folder for it is given."""
+        """Starts a session, recorded from its first frame on if a folder for it is given."""
         self.session = LiveSession(opened, self._scratch, self._context, self.journal, self._work)
         for note in opened.notes:
             self.journal.say("note", note=note)
@@ -161,7 +163,7 @@ class Host:
     def _record(self, name: str) -> Reply:
         if self.session is None:
             return Reply(False, "no session is running: start one first")
-        return self.session.record(takes.folder_for(self.root, name))
+        return self.session.record(recording.folder_for(self.root, name))
 
     def _stop_record(self) -> Reply:
         return Reply(False, "no session is running") if self.session is None else self.session.stop_record()
@@ -172,7 +174,7 @@ class Host:
         if self._web is not None:
             self._web.step()
         if self._checking is not None and self._checking.done():
-            with contextlib.suppress(Exception):  # said as trouble
+            with contextlib.suppress(Exception):  # a problem of the status
                 self._start_checked()
         if self.session is not None:
             self.session.step()
@@ -204,45 +206,39 @@ class Host:
         """Whether a thread still works, after `end`: on a report that takes long, or on a choice that is checked."""
         return self.session is not None or not all(one.done() for one in self._checks)
 
-    def status(self) -> dict[str, Any]:
-        """As services/ipc/requests.py's GiveStatus asks for it."""
-        session = self.session or self._last
-        now = self.session
+    def status(self) -> HostStatus:
+        """As of now."""
+        now, session = self.session, self.session or self._last
         supervised = [*(() if session is None else session.processes), *(() if self._web is None else (self._web,))]
-        return {
-            "running": now is not None or self._checking is not None,
-            "state": "starting" if self._checking is not None else "idle" if now is None else now.state,
-            "config": None if now is None else msgspec.to_builtins(now.opened.config),
-            "started": None if now is None else now.started,
-            "folder": None if now is None or now.folder is None else str(now.folder),
-            "finishing": None if now is None or now.finishing is None else str(now.finishing),
-            "last_folder": None if session is None or session.last_folder is None else str(session.last_folder),
-            "root": str(self.root.resolve()),
-            "processes": {one.name: one.status() for one in supervised},
-            "addresses": None if now is None else msgspec.to_builtins(now.addresses),
-            "console_url": self.console_url,
-            "trouble": self.troubles(),
-            "gaps": [] if session is None else [gap.since(session.begun_ns) for gap in session.gaps],
-            "figures": {} if now is None else now.figures,
-            "log": str(self.journal.path),
-        }
+        return HostStatus(
+            pid=os.getpid(),
+            running=now is not None or self._checking is not None,
+            state="starting" if self._checking is not None else "idle" if now is None else now.state,
+            config=None if now is None else now.opened.config,
+            started=None if now is None else now.started,
+            recording=None if now is None or now.folder is None else str(now.folder),
+            finishing=None if now is None or now.finishing is None else str(now.finishing),
+            last_recording=None if session is None or session.last_folder is None else str(session.last_folder),
+            root=str(self.root.resolve()),
+            processes={one.name: one.status() for one in supervised},
+            addresses=None if now is None else now.addresses,
+            console_url=self.console_url,
+            gaps=() if session is None else tuple(gap.since(session.begun_ns) for gap in session.gaps),
+            bridge=None if now is None else now.bridge_status,
+            worker=None if now is None else now.worker_status,
+            log=str(self.journal.path),
+            problems=self.all_problems(),
+        )
 
-    def troubles(self) -> str | None:
-        """What is wrong now, and what ended the last session, for a person."""
-        session = self.session or self._last
-        found = [self.trouble, self.journal.trouble]
-        if session is not None:
-            found.append(session.trouble)
-        if self.session is not None:
-            found += [figures.get("trouble") for figures in self.session.figures.values()]
-            found += [
-                f"the {one.name} crashed and is started anew; {one.last_error}"
-                for one in self.session.processes
-                if one.state == "restarting"
-            ]
-        if self._web is not None and self._web.state in ("failed", "restarting"):
-            found.append(f"the console's server crashed; {self._web.last_error}")
-        return "; ".join(dict.fromkeys(one for one in found if one)) or None
+    def all_problems(self) -> tuple[Problem, ...]:
+        """What is wrong now, and what ended the last session."""
+        return merged(
+            self.problems,
+            () if self.journal.problem is None else (self.journal.problem,),
+            () if self._last is None or self.session is not None else self._last.problems,
+            () if self.session is None else self.session.all_problems(),
+            () if self._web is None else self._web.problems(),
+        )
 
     def __enter__(self) -> Self:
         return self

@@ -1,4 +1,4 @@
-"""Where the processes' logs go: a file of the host's own, always, and the take's while one runs. JSON, a line each."""
+"""Where the processes' logs go: a file of the host, always, and a recording's while one runs. JSON, a line each."""
 
 from __future__ import annotations
 
@@ -13,10 +13,11 @@ from typing import Any, Final
 
 import msgspec
 
+from entoptic.services.ipc.status import Problem, problem
 from entoptic.services.process import state_folder
 
 MOST_BYTES: Final = 2_000_000
-"""Of a host's own file, after which it begins anew; the one before is kept. Engineering choice: a day of trouble."""
+"""Of a host's own file, after which it begins again; the one before is kept. Engineering choice: a day of trouble."""
 KEPT_FILES: Final = 20
 """Hosts' own files that are kept; older ones go."""
 FREQUENT: Final = ("progress",)
@@ -31,28 +32,28 @@ class _Lines(RotatingFileHandler):
 
 
 class Journal:
-    """Both files. A full disk ends what cannot be written and is said in `trouble`; nothing is raised."""
+    """Both files. A full disk ends what cannot be written and is said in `problem`; nothing is raised."""
 
     def __init__(self, folder: Path | None = None) -> None:
         """`folder` is the state folder's unless given."""
-        self.trouble: str | None = None
+        self.problem: Problem | None = None
         self.path = (folder or state_folder() / "log") / f"host-{os.getpid()}.jsonl"
         self._files: dict[Path, _Lines] = {}
-        self._take = Path()
+        self._recording = Path()
         with self._reported(self.path):
             self.path.parent.mkdir(parents=True, exist_ok=True)
             _forget_old(self.path.parent)
             self._files[self.path] = _Lines(self.path, maxBytes=MOST_BYTES, backupCount=1, encoding="utf-8")
 
-    def begin_take(self, folder: Path) -> None:
-        """From now on all is in the take's log.jsonl too."""
-        self._take = folder / "log.jsonl"
-        with self._reported(self._take):
-            self._files[self._take] = _Lines(self._take, encoding="utf-8")
+    def begin_recording(self, folder: Path) -> None:
+        """From now on all is in the recording's log.jsonl too."""
+        self._recording = folder / "log.jsonl"
+        with self._reported(self._recording):
+            self._files[self._recording] = _Lines(self._recording, encoding="utf-8")
 
-    def end_take(self) -> None:
+    def end_recording(self) -> None:
         """Its file is whole."""
-        self._end(self._take)
+        self._end(self._recording)
 
     def say(self, event: str, **more: Any) -> None:
         """A word of the host's own."""
@@ -83,7 +84,12 @@ class Journal:
         try:
             yield
         except OSError as error:
-            self.trouble = f"the log {path} cannot be written: {error.strerror}; make room, or look at its permissions"
+            self.problem = problem(
+                "no log",
+                "warning",
+                f"The log {path} cannot be written: {error.strerror}",
+                "Make room, or look at its permissions",
+            )
             self._end(path)
 
 

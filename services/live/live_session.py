@@ -1,4 +1,4 @@
-"""A live session: a bridge and a worker that are kept running, and the takes that are kept of them.
+"""A live session: a bridge and a worker that are kept running, and what is recorded of them.
 
 Theory of operation: `step` is called some fifty times a second and never waits; whatever takes long (a folder's inputs,
 its film and its report) is done by a thread of its own, one after another. A recording begins when the worker can
@@ -16,21 +16,20 @@ from typing import Any, Final
 
 from msgspec.structs import replace
 
-from entoptic.services import recording as takes
-from entoptic.services.ipc.addresses import free_addresses
-from entoptic.services.ipc.client import Client, Context, Reply
-from entoptic.services.ipc.requests import GiveStatus
-from entoptic.services.ipc.status import Gap
-from entoptic.services.live.journal import Journal
-from entoptic.services.live.kept_take import KeptTake
-from entoptic.services.live.supervised import Supervised
+from entoptic.services import recording
 from entoptic.services.process_config import BridgeConfig, WorkerLinks
+from entoptic.services.ipc.addresses import Addresses, free_addresses
+from entoptic.services.ipc.client import Context, Reply
+from entoptic.services.ipc.status import BridgeStatus, Gap, Problem, WorkerStatus, merged, problem
+from entoptic.services.ipc.status_poll import StatusPoll
+from entoptic.services.live.journal import Journal
+from entoptic.services.live.recorder import Recorder
+from entoptic.services.live.supervised import Supervised
 from entoptic.services.results import session_file
 from entoptic.services.results.folder import ResultsFolderError
 from entoptic.services.session_config import OpenedSession, WorkerConfig
 from entoptic.tracker_bridge.sources import SIMULATED
 
-STATUS_EVERY_S: Final = 0.5
 BRIDGE, WORKER = "bridge", "worker"
 ENDS_WITHIN_S: Final = 5.0
 """A session that a person stops; a worker in the middle of a compilation is then ended by force."""
@@ -48,26 +47,24 @@ class LiveSession:
         self.begun_ns = time.monotonic_ns()
         self.addresses = free_addresses()
         self.folder: Path | None = None
-        """Of the take that runs."""
+        """Of the recording that runs."""
         self.last_folder: Path | None = None
         self.finishing: Path | None = None
-        self.trouble: str | None = None
-        """What ended it, or a take, before it was asked to."""
-        self.figures: dict[str, dict[str, Any]] = {BRIDGE: {}, WORKER: {}}
-        """What each said of itself last."""
+        self.problems: tuple[Problem, ...] = ()
+        """What ended it, or a recording, before it was asked to."""
         self._interrupted = False
         self._context, self._journal, self._work = context, journal, work
         self._checkpoint = scratch / "worker.checkpoint"
         self._checkpoint.unlink(missing_ok=True)
         self._source_begun_ns: int | None = None
-        self._take: KeptTake | None = None
+        self._recorder: Recorder | None = None
         self._noted: tuple[Gap, ...] = ()
         self._record_as: Path | None = None
         self._jobs: list[tuple[Future[Any], Callable[[Any], None]]] = []
-        self._asked: dict[str, Client] = {}
-        self._ask_at_s = 0.0
+        at = self.addresses
+        self._polls = {name: StatusPoll(control, context=context) for name, control in self._controls(at).items()}
         self._ends_at_s: float | None = None
-        self._do(takes.prepare_report, lambda nothing: None)
+        self._do(recording.prepare_report, lambda nothing: None)
         self.bridge = Supervised(BRIDGE, self._bridge_config, "ready", journal, self._on_bridge)
         self.worker = Supervised(WORKER, self._worker_config, "prepared", journal)
         self.processes = (self.bridge, self.worker)
@@ -79,7 +76,7 @@ class LiveSession:
         """As of now: with the newest pupil map, and where the source has come to."""
         at, eyes = self.addresses, self.opened.config.eyes
         return BridgeConfig(
-            eyes=replace(eyes, pupil_map=self.figures[BRIDGE].get("pupil_map") or eyes.pupil_map),
+            eyes=replace(eyes, pupil_map=(self.bridge_status and self.bridge_status.pupil_map) or eyes.pupil_map),
             states=at.states,
             events=at.events,
             replay=at.replay,
@@ -115,22 +112,22 @@ class LiveSession:
     def step(self) -> None:
         """Does what is to be done now."""
         for one in self.processes:
-            if one.step() and self._take is not None:
-                self._take.tell(one.name)
-            elif not one.lives and self._take is not None:
-                self._take.lost(one.name)
+            if one.step() and self._recorder is not None:
+                self._recorder.tell(one.name)
+            elif not one.lives and self._recorder is not None:
+                self._recorder.lost(one.name)
+            self._poll(one)
             if one.state == "failed" and self.state in ("starting", "running"):
-                self._end(f"the {one.name} is given up, since it crashed again and again; {one.last_error}")
+                self._give_up(one)
         if self.worker.is_ready and self.bridge.state == "stopped" and self.state == "starting":
             self.bridge.start()
         if self.state == "starting" and self.worker.is_ready and self.bridge.is_ready:
             self._begin()
         self._end_when_done()
-        self._step_take()
-        self._ask_figures()
+        self._step_recorder()
         self._finish_jobs()
         if self.state == "stopping" and not any(one.lives for one in self.processes):
-            self._end_take_now()
+            self._end_recording_now()
             if not self._jobs:
                 self.state = "ended"
                 self.close()
@@ -143,9 +140,9 @@ class LiveSession:
         if self._record_as is not None:
             final, self._record_as = self._record_as, None
             try:
-                self._begin_take(final)
-            except (takes.TakeError, ResultsFolderError) as error:
-                self.trouble = str(error)
+                self._begin_recording(final)
+            except (recording.RecordingFolderError, ResultsFolderError) as error:
+                self._add(problem("recording failed", "error", str(error), "Mend it, then record again"))
 
     def _end_when_done(self) -> None:
         if self.state not in ("starting", "running"):
@@ -156,9 +153,9 @@ class LiveSession:
             # A recording is over: the worker shows what is left of it, and the bridge has nobody to speak to.
             self.stop(ENDS_WITHIN_S)
 
-    def _end(self, trouble: str) -> None:
-        self.trouble = trouble
-        self._journal.say("given up", trouble=trouble)
+    def _give_up(self, process: Supervised) -> None:
+        self._add(*process.problems())
+        self._journal.say("given up", process=process.name, error=process.last_error)
         self.stop(ENDS_WITHIN_S)
 
     def stop(self, within_s: float = ENDS_WITHIN_S) -> None:
@@ -175,91 +172,92 @@ class LiveSession:
         self.stop(within_s)
 
     def record(self, final: Path) -> Reply:
-        """Begins a take in that folder, as soon as the worker can. Raises TakeError and ResultsFolderError."""
+        """Begins to record into that folder, as soon as the worker can.
+
+        Raises RecordingFolderError and ResultsFolderError.
+        """
         if self.state not in ("starting", "running"):
             return Reply(False, "the session is about to end: start another one first")
-        if self._take is not None or self._record_as is not None:
+        if self._recorder is not None or self._record_as is not None:
             return Reply(False, f"{(self.folder or self._record_as or final).name} is being recorded: stop that first")
-        takes.refuse(final)
+        recording.refuse(final)
         if self.state == "starting":
             self._record_as = final
             return Reply(True, f"recording {final.name} begins as soon as the first frame can be shown")
-        self._begin_take(final)
+        self._begin_recording(final)
         return Reply(True, f"recording {final.name}", {"folder": str(self.folder)})
 
-    def _begin_take(self, final: Path) -> None:
-        opened = takes.as_of_now(self.opened, self.figures[WORKER], self.figures[BRIDGE])
-        self.folder = takes.make(final, opened)
-        self.trouble = None
-        for figures in self.figures.values():  # what was wrong with the take before this one
-            figures.pop("trouble", None)
-        self._journal.begin_take(self.folder)
-        controls = {BRIDGE: self.addresses.bridge, WORKER: self.addresses.worker}
-        self._take = KeptTake(self._context, self.folder, controls)
-        self._journal.say("take begins", folder=str(self.folder), start_ns=self._take.start_ns)
-        self._note_gaps(self._take, self.folder)
-        self._do(lambda folder=self.folder: takes.keep_inputs(folder, opened.config), self._say_trouble)  # type: ignore[misc]
+    def _begin_recording(self, final: Path) -> None:
+        opened = recording.as_of_now(self.opened, self.worker_status, self.bridge_status)
+        self.folder = folder = recording.make(final, opened)
+        self.problems = ()
+        for poll in self._polls.values():  # what was wrong with the recording before this one
+            poll.status = None if poll.status is None else replace(poll.status, problems=())
+        self._journal.begin_recording(folder)
+        self._recorder = Recorder(self._context, folder, self._controls(self.addresses))
+        self._journal.say("recording begins", folder=str(folder), start_ns=self._recorder.start_ns)
+        self._note_gaps(self._recorder, folder)
+        self._do(lambda: recording.keep_inputs(folder, opened.config), self._add)
 
-    def _note_gaps(self, take: KeptTake, folder: Path) -> None:
+    def _note_gaps(self, recorder: Recorder, folder: Path) -> None:
         """In case this host is ended by force; what cannot be written now is told at the end."""
         self._noted = self.gaps
         with contextlib.suppress(OSError):
-            takes.note_meanwhile(folder, take.start_ns, self._noted)
+            recording.note_meanwhile(folder, recorder.start_ns, self._noted)
 
     def stop_record(self) -> Reply:
-        """Ends the take; its report is written by and by."""
+        """Ends the recording; its report is written by and by."""
         if self._record_as is not None:
             self._record_as = None
             return Reply(True, "nothing is recorded")
-        if self._take is None or self.folder is None or self._take.is_ending:
+        if self._recorder is None or self.folder is None or self._recorder.is_ending:
             return Reply(False, "nothing is being recorded")
-        self._take.end()
-        final = self.folder.with_name(self.folder.name.removesuffix(takes.PARTIAL))
+        self._recorder.end()
+        final = self.folder.with_name(self.folder.name.removesuffix(recording.PARTIAL))
         return Reply(True, f"the recording ends; its report will be in {final}", {"folder": str(final)})
 
-    def _step_take(self) -> None:
-        if self._take is not None and self.folder is not None:
+    def _step_recorder(self) -> None:
+        if self._recorder is not None and self.folder is not None:
             if self.gaps != self._noted:
-                self._note_gaps(self._take, self.folder)
-            self._take.step()
-            if self._take.trouble is not None:
-                self.trouble, self._take.trouble = self._take.trouble, None
-            if self._take.is_over and self.state in ("starting", "running"):
-                self._end_take_now()
+                self._note_gaps(self._recorder, self.folder)
+            self._recorder.step()
+            self._add(self._recorder.problem)
+            self._recorder.problem = None
+            if self._recorder.is_over and self.state in ("starting", "running"):
+                self._end_recording_now()
 
-    def _end_take_now(self) -> None:
-        """The processes keep nothing any more, or are gone: the rest is the host's."""
-        if self._take is None or self.folder is None:
+    def _end_recording_now(self) -> None:
+        """The processes record nothing any more, or are gone: the rest is the host's."""
+        if self._recorder is None or self.folder is None:
             return
-        take, folder = self._take, self.folder
-        take.close()
-        self._journal.say("take ends", folder=str(folder))
-        self._journal.end_take()
+        recorder, folder = self._recorder, self.folder
+        recorder.close()
+        self._journal.say("recording ends", folder=str(folder))
+        self._journal.end_recording()
+        # Why a recording ended by itself is known to the processes alone.
+        said = [poll.status.problems for poll in self._polls.values() if poll.status is not None]
+        found = merged(self.problems, *said)
         try:
-            takes.note(folder, take.start_ns, self.gaps, interrupted=self._interrupted, trouble=self._all_trouble())
+            recording.note(folder, recorder.start_ns, self.gaps, interrupted=self._interrupted, problems=found)
         except OSError as error:
-            self.trouble = f"{folder} cannot be finished: {error.strerror}; make room, then `entoptic report {folder}`"
-        self._take, self.folder, self.finishing = None, None, folder
-        self._do(lambda: takes.finish(folder), self._finished)
+            what, remedy = (
+                f"{folder} cannot be finished: {error.strerror}",
+                f"Make room, then `entoptic report {folder}`",
+            )
+            self._add(problem("recording not finished", "error", what, remedy))
+        self._recorder, self.folder, self.finishing = None, None, folder
+        self._do(lambda: recording.finish(folder), self._finished)
 
-    def _all_trouble(self) -> str | None:
-        """Its own, and what the processes say: a take that a full disk ended is known to them alone."""
-        found: list[str] = []
-        for one in (self.trouble, *(figures.get("trouble") for figures in self.figures.values())):
-            if one and not any(one in other for other in found):
-                found.append(one)
-        return "; ".join(found) or None
+    def _finished(self, folder: Path) -> None:
+        self.last_folder = folder
+        self._do(lambda: recording.draw_report(folder), self._drawn)
 
-    def _finished(self, finished: takes.Finished) -> None:
-        self.last_folder = finished.folder
-        self._do(lambda: takes.draw_report(finished.folder), self._drawn)
-
-    def _drawn(self, trouble: str | None) -> None:
+    def _drawn(self, found: Problem | None) -> None:
         self.finishing = None
-        self._say_trouble(trouble)
+        self._add(found)
 
-    def _say_trouble(self, trouble: str | None) -> None:
-        self.trouble = trouble or self.trouble
+    def _add(self, *found: Problem | None) -> None:
+        self.problems = merged(self.problems, (one for one in found if one is not None))
 
     def _do(self, work: Callable[[], Any], then: Callable[[Any], None]) -> None:
         self._jobs.append((self._work.submit(work), then))
@@ -272,32 +270,51 @@ class LiveSession:
                 then(future.result())
             else:
                 self.finishing = None
-                self._say_trouble(str(error))
-                self._journal.say("trouble", error=str(error))
+                self._add(problem("recording not finished", "error", str(error), "Mend it, then finish it again"))
+                self._journal.say("failed", error=str(error))
 
-    def _ask_figures(self) -> None:
-        due = time.monotonic() >= self._ask_at_s
-        if due:
-            self._ask_at_s = time.monotonic() + STATUS_EVERY_S
-        for one, address in ((self.bridge, self.addresses.bridge), (self.worker, self.addresses.worker)):
-            asked = self._asked.get(one.name)
-            if asked is not None and (reply := asked.poll()) is not None:
-                self.figures[one.name] = reply.data or {}
-                self._forget(one.name)
-            elif asked is not None and not one.lives:
-                self._forget(one.name)
-            elif asked is None and due and one.is_ready:
-                self._asked[one.name] = Client(address, context=self._context)
-                self._asked[one.name].send(GiveStatus())
+    def _poll(self, one: Supervised) -> None:
+        poll = self._polls[one.name]
+        poll.step()
+        if not one.is_ready:
+            poll.excuse()
 
-    def _forget(self, name: str) -> None:
-        self._asked.pop(name).close()
+    @property
+    def bridge_status(self) -> BridgeStatus | None:
+        """As it said last; None where it does not answer."""
+        status = self._polls[BRIDGE].status
+        return status if isinstance(status, BridgeStatus) and not self._polls[BRIDGE].is_silent else None
+
+    @property
+    def worker_status(self) -> WorkerStatus | None:
+        """The same of the worker."""
+        status = self._polls[WORKER].status
+        return status if isinstance(status, WorkerStatus) and not self._polls[WORKER].is_silent else None
+
+    def all_problems(self) -> tuple[Problem, ...]:
+        """Its own, and those of its processes."""
+        silent = [
+            problem(
+                f"{one.name} silent",
+                "error",
+                f"The {one.name} has not answered for {self._polls[one.name].silent_s:.0f} s",
+                "Stop the session and start it again",
+            )
+            for one in self.processes
+            if one.is_ready and self._polls[one.name].is_silent
+        ]
+        said = [status.problems for status in (self.bridge_status, self.worker_status) if status is not None]
+        return merged(self.problems, silent, *said, *(one.problems() for one in self.processes))
+
+    @staticmethod
+    def _controls(at: Addresses) -> dict[str, str]:
+        return {BRIDGE: at.bridge, WORKER: at.worker}
 
     def close(self) -> None:
         """Leaves no process behind, at once."""
         for one in self.processes:
             one.kill()
-        for name in tuple(self._asked):
-            self._forget(name)
-        if self._take is not None:
-            self._take.close()
+        for poll in self._polls.values():
+            poll.close()
+        if self._recorder is not None:
+            self._recorder.close()

@@ -10,6 +10,7 @@ from rich.markup import escape
 from rich.text import Text
 
 from entoptic.services.ipc.messages import Shown
+from entoptic.services.ipc.status import Problem
 from entoptic.services.live.host import Host
 
 EVERY_S = 0.5
@@ -23,8 +24,7 @@ class OnTerminal:
         self._line = Live(console=console, auto_refresh=False, transient=True)
         self._shown: Shown | None = None
         self._due_s = 0.0
-        self._said: str | None = None
-        self._state: str | None = None
+        self._printed: tuple[Problem, ...] = ()
 
     def __enter__(self) -> OnTerminal:
         if self._console.is_terminal:
@@ -41,10 +41,12 @@ class OnTerminal:
         if time.monotonic() < self._due_s:
             return
         self._due_s = time.monotonic() + EVERY_S
-        trouble = self._host.troubles()
-        if trouble is not None and trouble != self._said:
-            self._console.print(f"[yellow]![/yellow] {escape(trouble)}", soft_wrap=True)
-        self._said = trouble
+        problems = self._host.all_problems()
+        printed = {one.code for one in self._printed}
+        for one in problems:
+            if one.code not in printed:  # else figures in its sentence have changed
+                self._console.print(f"[yellow]![/yellow] {escape(str(one))}", soft_wrap=True)
+        self._printed = problems
         if self._console.is_terminal:
             self._line.update(Text(self._words()), refresh=True)
 
@@ -59,7 +61,7 @@ class OnTerminal:
             )
             if self._shown.latency is not None:
                 words.append(f"{self._shown.latency.total:.0f} ms from eye to frame")
-        restarts = sum(one.started_anew for one in session.processes)
+        restarts = sum(one.restarts_count for one in session.processes)
         if restarts:
             words.append(f"{restarts} restarts")
         if session.folder is not None:

@@ -1,9 +1,8 @@
-"""How running sessions and processes are, as they say themselves, and what is wrong with them."""
+"""How running sessions and processes are, for `entoptic status` and others who look from outside."""
 
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
 
 import msgspec
 import zmq
@@ -12,6 +11,7 @@ from entoptic.services.ipc.client import ControlError, ask
 from entoptic.services.ipc.messages import Shown
 from entoptic.services.ipc.requests import GiveStatus
 from entoptic.services.ipc.shown_reader import ShownReader
+from entoptic.services.ipc.status import HostStatus, Problem, Status, problem, status_of
 from entoptic.services.live import registry
 from entoptic.tracker_bridge.access import ClientKeys
 
@@ -23,26 +23,11 @@ class Found(msgspec.Struct, frozen=True):
     """One process, or one host with its session."""
 
     address: str
-    said: dict[str, Any]
-    """Its status' data; empty where nobody answers."""
+    status: Status | None
+    """None where nobody answers."""
+    problems: tuple[Problem, ...] = ()
     shown: Shown | None = None
     """The newest frame of a host's session."""
-    silent: str | None = None
-    """Why there is no status."""
-
-    @property
-    def wrong(self) -> tuple[str, ...]:
-        """What is wrong, a sentence each."""
-        found = [self.silent, self.said.get("trouble")]
-        # A bridge that was asked itself, or what a host heard of its own.
-        bridges = (self.said, self.said.get("figures", {}).get("bridge", {}))
-        found += [f"the tracker is silent: {bridge['silent']}" for bridge in bridges if bridge.get("silent")]
-        found += [
-            f"the {name} is {one['state']}"
-            for name, one in self.said.get("processes", {}).items()
-            if one["state"] in ("restarting", "failed")
-        ]
-        return tuple(one for one in found if one)
 
 
 def hosts() -> list[Found]:
@@ -53,28 +38,31 @@ def hosts() -> list[Found]:
 def process(address: str, keys: ClientKeys | None) -> Found:
     """The one that answers there: a bridge, a worker or a host."""
     try:
-        return Found(address, ask(address, GiveStatus(), keys).data or {})
+        status = status_of(ask(address, GiveStatus(), keys).data)
     except ControlError as error:
-        return Found(address, {}, silent=str(error))
+        return Found(address, None, (problem("silent", "error", str(error), "See that it runs"),))
+    if status is None:
+        return Found(address, None, (problem("silent", "error", f"{address} is of another version", "Update it"),))
+    return Found(address, status, status.problems)
 
 
 def host_that_writes(folder: Path) -> int | None:
     """The pid of a host that records into a folder, or finishes it."""
     for one in registry.running():
-        said = process(one.control, None).said
-        if str(folder.resolve()) in (said.get("folder"), said.get("finishing")):
+        status = process(one.control, None).status
+        if isinstance(status, HostStatus) and str(folder.resolve()) in (status.recording, status.finishing):
             return one.pid
     return None
 
 
 def _host(running: registry.RunningHost) -> Found:
     found = process(running.control, None)
-    said = {"pid": running.pid, **found.said}
-    frames = (said.get("addresses") or {}).get("frames")
-    if frames is None or said.get("state") != "running":
-        return msgspec.structs.replace(found, said=said)
+    status = found.status
+    if not isinstance(status, HostStatus) or status.addresses is None or status.state != "running":
+        return found
     context: zmq.Context[zmq.Socket[bytes]] = zmq.Context()
     try:
-        return msgspec.structs.replace(found, said=said, shown=ShownReader(context, frames).newest(FRAME_WITHIN_MS))
+        newest = ShownReader(context, status.addresses.frames).newest(FRAME_WITHIN_MS)
+        return msgspec.structs.replace(found, shown=newest)
     finally:
         context.destroy(linger=0)

@@ -1,15 +1,15 @@
-"""A process that is kept running: started, listened to, started anew where it crashes (supervision.py says when)."""
+"""A process that is kept running: started, listened to, started again where it crashes (supervision.py says when)."""
 
 from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from typing import Any, Literal
 
 import msgspec
 
-from entoptic.services.ipc.status import Gap
+from entoptic.services.ipc.status import Gap, Problem, ProcessStatus, problem
 from entoptic.services.live.children import Child
 from entoptic.services.live.journal import Journal
 from entoptic.services.live.supervision import Restarts
@@ -31,7 +31,7 @@ class Supervised:
         """`config` is asked for at each start; `ready_event` is what it logs when it is ready."""
         self.name, self.state = name, "stopped"
         self.restarts = Restarts()
-        self.started_anew = 0
+        self.restarts_count = 0
         self.last_error: str | None = None
         self.gaps: list[Gap] = []
         self.ended: dict[str, Any] | None = None
@@ -62,19 +62,19 @@ class Supervised:
         return self._child is not None
 
     def start(self) -> None:
-        """Starts it for the first time, or anew."""
-        anew = self.state == "restarting"
+        """Starts it for the first time, or again."""
+        again = self.state == "restarting"
         self._said, self._ready_at_s = None, None
         self._child = Child(self.name, self._config())
-        self.state = "restarting" if anew else "starting"
-        self._journal.say("started", child=self.name, child_pid=self._child.pid, anew=anew)
+        self.state = "restarting" if again else "starting"
+        self._journal.say("started", child=self.name, child_pid=self._child.pid, again=again)
 
     def step(self) -> bool:
-        """Listens and looks; whether it has just been started anew."""
+        """Listens and looks; whether it has just been started again."""
         if self._child is None:
             if self.state == "restarting" and time.monotonic() >= self._start_at_s:
                 self.start()
-                self.started_anew += 1
+                self.restarts_count += 1
                 return True
             return False
         # Asked first and read after, so that nothing said before the end is missed.
@@ -145,11 +145,23 @@ class Supervised:
             self._child.end(0.0)
             self._child, self.state = None, "stopped"
 
-    def status(self) -> dict[str, Any]:
-        """As the host tells it."""
-        return {
-            "pid": self.pid,
-            "state": self.state,
-            "restarts": self.started_anew,
-            "last_error": self.last_error,
-        }
+    def status(self) -> ProcessStatus:
+        """As of now."""
+        return ProcessStatus(self.name, self.pid, self.state, self.restarts_count, self.last_error)
+
+    def problems(self) -> Iterator[Problem]:
+        """Whether it crashed."""
+        if self.state == "restarting":
+            yield problem(
+                f"{self.name} restarting",
+                "warning",
+                f"The {self.name} crashed and is being started again: {self.last_error}",
+                "Wait a moment. If it happens again and again, stop the session and look at its log",
+            )
+        elif self.state == "failed":
+            yield problem(
+                f"{self.name} failed",
+                "error",
+                f"The {self.name} crashed again and again and is not started any more: {self.last_error}",
+                "Mend what it says, then start again",
+            )

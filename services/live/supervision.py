@@ -1,4 +1,4 @@
-"""When a process that crashed is started anew, and when it is given up; pure, so that no process is needed to test it.
+"""When a process that crashed is started again, and when it is given up; pure, so that no process is needed to test it.
 
 A crash is any end that nobody asked for. The first one is followed by a new start after FIRST_S, each further one after
 twice as long, LONGEST_S at most; a process that ran for WINDOW_S begins from the beginning. One that crashed MOST times

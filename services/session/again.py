@@ -11,7 +11,7 @@ from rich.markup import escape
 
 from entoptic.atomic_file import write_json
 from entoptic.pipeline.scenes import open_scene
-from entoptic.services import recording as takes
+from entoptic.services import recording
 from entoptic.services.config import Save
 from entoptic.services.process import Stop
 from entoptic.services.rendering import Rendering
@@ -54,10 +54,12 @@ def run(before: Path, out: Path, save: frozenset[Save], stop: Stop, console: Con
             "stopped: nothing was written",
         )
         console.print("all frames are the same" if different is None else f"frames differ from frame {different} on")
-        # Gaps and trouble are those of what was rendered then.
-        write_json(folder / takes.SUMMARY, takes.told(session, takes.notes_of(before), finish(folder)))
-        if (trouble := takes.draw_report(folder)) is not None:
-            console.print(f"[yellow]![/yellow] {escape(trouble)}", soft_wrap=True)
+        # Gaps and problems are those of what was rendered then.
+        write_json(
+            folder / recording.SUMMARY, recording.summary_of(session, recording.notes_of(before), finish(folder))
+        )
+        if (problem := recording.draw_report(folder)) is not None:
+            console.print(f"[yellow]![/yellow] {escape(str(problem))}", soft_wrap=True)
 
 
 def render(

@@ -1,4 +1,4 @@
-"""A whole session of recorded eyes: every frame rendered at its own recorded time, however long it takes.
+"""A whole session of recorded eyes: every frame rendered at its own recorded time, however long it recording.
 
 Theory of operation: one loop over the frames. For each the source is read through the chain until the newest state of
 the frame's time is known, and all that is read goes into the tables. All results are written into a folder beside the
@@ -19,9 +19,8 @@ from entoptic.atomic_file import write_json
 from entoptic.pipeline.budget import SHIPPED
 from entoptic.pipeline.scenes import Head
 from entoptic.pipeline.scenes.head_path import open_head_path
-from entoptic.services import recording as takes
+from entoptic.services import recording, simulated_light
 from entoptic.services import settings as settings_file
-from entoptic.services import simulated_light
 from entoptic.services.bridge.tables import Tables
 from entoptic.services.eye_data import SIMULATED_SECONDS, open_eyes
 from entoptic.services.process import Stop
@@ -73,12 +72,12 @@ def keep(opened: OpenedSession, final: Path, stop: Stop, console: Console) -> Ou
         settings_file.write(folder / "settings.toml", opened.config.settings)
         session = session_file.of_session(opened, "offline")
         session.write(folder)
-        if (trouble := takes.keep_inputs(folder, opened.config)) is not None:
-            console.print(f"[yellow]![/yellow] {escape(trouble)}", soft_wrap=True)
+        if (problem := recording.keep_inputs(folder, opened.config)) is not None:
+            console.print(f"[yellow]![/yellow] {escape(str(problem))}", soft_wrap=True)
         outcome = watch(lambda work: _render(opened, folder, stop, work), stop, console, NOTHING)
         write_json(folder / BRIDGE, outcome.eyes)
-        notes = takes.HostNotes(interrupted=outcome.interrupted)
-        write_json(folder / takes.SUMMARY, takes.told(session, notes, finish(folder)))
+        notes = recording.HostNotes(interrupted=outcome.interrupted)
+        write_json(folder / recording.SUMMARY, recording.summary_of(session, notes, finish(folder)))
         report.write(folder)
     return outcome
 

@@ -1,4 +1,4 @@
-"""The pipeline process that keeps the clock: frames when they are due, for whoever watches, and into takes.
+"""The pipeline process that keeps the clock: frames when they are due, for whoever watches, and into recordings.
 
 Theory of operation: one loop, and a thread that listens (requests.py). Frame k is due at zero_ns + k/fps of the
 machine's monotonic clock; those whose time has passed are left out. A worker that is started anew reads what the last
@@ -9,9 +9,9 @@ from __future__ import annotations
 
 import collections
 import contextlib
+import threading
 import time
 from pathlib import Path
-from typing import Any
 
 import msgspec
 import structlog
@@ -26,7 +26,8 @@ from entoptic.services import keys as key_files
 from entoptic.services.config import ViewConfig
 from entoptic.services.ipc.client import Reply
 from entoptic.services.ipc.messages import LatencyMs
-from entoptic.services.ipc.requests import BeginTake, EndTake
+from entoptic.services.ipc.requests import StartRecording
+from entoptic.services.ipc.status import Problem, WorkerStatus, problem, unwritable
 from entoptic.services.process import Stop, cache_folder
 from entoptic.services.process_config import WorkerLinks
 from entoptic.services.reader import StateReader
@@ -38,8 +39,8 @@ from entoptic.services.session_config import EYES, WorkerConfig, open_view, view
 from entoptic.services.settings import Settings
 from entoptic.services.worker.checkpoint import Checkpoint, Keeper
 from entoptic.services.worker.publish import LivePublisher
-from entoptic.services.worker.requests import Wish, WorkerRequests
-from entoptic.services.worker.take import UNWRITABLE, WorkerTake
+from entoptic.services.worker.recording import UNWRITABLE, WorkerRecording
+from entoptic.services.worker.requests import Command, WorkerRequests
 from entoptic.tracker_bridge.wire import NS_PER_S, EyeState
 
 GONE_S = 3.0
@@ -69,37 +70,43 @@ class LiveWorker:
         self._links, self._view, self._stop, self._log, self._publisher = links, view, stop, log, publisher
         # It runs until it is stopped, whatever becomes of the bridge; else it ends with the stream.
         self._hosted = links.control is not None
-        self._take = WorkerTake(log)
+        self._recording = WorkerRecording(log)
         self._keeper = None if links.resume is None else Keeper(Path(links.resume), log)
         self._warm_up_s: float | None = None
         self._zero_ns: int | None = None
         self._frame, self._t_s, self._dropped = -1, 0.0, 0
         self._head = Head()
         self._state: EyeState | None = None
-        self._before: Settings | None = None
-        """Settings that worked, while it is not known whether the present ones do."""
-        self._refused: str | None = None
+        self._settings = (time.monotonic_ns(), rendering.perception)
+        """From the next frame on, with their revision: a time, so that it grows over a restart too."""
+        self._changing = threading.Lock()
+        self._refused: Problem | None = None
         """Why settings were taken back."""
         self._recent: collections.deque[int] = collections.deque()
         self._preparing = True
 
-    def status(self) -> dict[str, Any]:
-        """As GiveStatus's reply has it."""
-        return {
-            "scene": self._view.scene,
-            "frame": self._frame,
-            "fps": self._view.fps,
-            "reached_fps": self._reached_fps(),
-            "dropped": self._dropped,
-            "preparing": self._preparing,
-            "take": self._take.folder,
-            "trouble": self._trouble(),
-            "viewers": 0 if self._publisher is None else self._publisher.viewers,
-            "settings": msgspec.to_builtins(self._rendering.perception, order="deterministic"),
-        }
+    def status(self) -> WorkerStatus:
+        """As of now; for any thread."""
+        revision, settings = self._settings
+        return WorkerStatus(
+            scene=self._view.scene,
+            frame=self._frame,
+            fps=self._view.fps,
+            reached_fps=self._reached_fps(),
+            dropped=self._dropped,
+            preparing=self._preparing,
+            recording=self._recording.folder,
+            viewers=0 if self._publisher is None else self._publisher.viewers,
+            settings=settings,
+            revision=revision,
+            problems=tuple(one for one in (self._recording.problem, self._refused) if one is not None),
+        )
 
-    def _trouble(self) -> str | None:
-        return "; ".join(one for one in (self._take.trouble, self._refused) if one) or None
+    def change(self, settings: Settings) -> int:
+        """Other settings, from the next frame on; their revision. For any thread."""
+        with self._changing:
+            self._settings = (time.monotonic_ns(), settings)
+            return self._settings[0]
 
     def run(self, requests: WorkerRequests | None = None) -> WorkerSummary | None:
         """Until asked to stop, or to the end of what was asked for; what lies in `out`, if it is given."""
@@ -107,7 +114,7 @@ class LiveWorker:
         try:
             if self._links.out is not None and not self._stop():
                 self._zero_ns = self._zero_ns or time.monotonic_ns()
-                self._begin(BeginTake(str(self._links.out), self._zero_ns))
+                self._begin(StartRecording(str(self._links.out), self._zero_ns))
             frame = self._next_frame()
             # Those that were due while no worker was there, and the last second's, of which no checkpoint knows.
             self._dropped += frame - self._frame - 1
@@ -150,6 +157,9 @@ class LiveWorker:
     def _go_on_from(self, checkpoint: Checkpoint) -> None:
         self._zero_ns, self._frame, self._t_s = checkpoint.zero_ns, checkpoint.frame, checkpoint.t_s
         self._dropped, self._head = checkpoint.dropped, checkpoint.head
+        with self._changing:
+            if self._settings[1] == self._rendering.perception:  # else they were changed meanwhile
+                self._settings = (time.monotonic_ns(), checkpoint.perception)
         self._rendering.perception, self._rendering.costs = checkpoint.perception, checkpoint.costs
         self._rendering.memory = checkpoint.state
 
@@ -168,45 +178,39 @@ class LiveWorker:
     def _stream_ended(self) -> bool:
         return not self._hosted and self._reader.ended is not None
 
-    def _do(self, wish: Wish) -> Reply:
-        match wish:
-            case BeginTake():
-                return self._begin(wish)
-            case EndTake():
-                return self._end()[1]
-            case Settings():
-                self._before = self._before or self._rendering.perception
-                self._perceive(wish)
-                return Reply(True, "taken")
+    def _do(self, command: Command) -> Reply:
+        return self._begin(command) if isinstance(command, StartRecording) else self._end()[1]
 
-    def _perceive(self, perception: Settings) -> None:
-        self._rendering.perception = perception
-        self._take.perceive(perception)
+    def _use(self, settings: Settings) -> None:
+        self._rendering.perception = settings
+        self._recording.perceive(settings)
         if self._keeper is not None:
             self._keeper.hurry()
 
-    def _begin(self, wish: BeginTake) -> Reply:
-        if self._take.runs:
-            same = (self._take.folder, self._take.start_ns) == (wish.folder, wish.start_ns)
-            return Reply(same, f"a take is running, in {self._take.folder}" + ("" if same else ": end it first"))
+    def _begin(self, command: StartRecording) -> Reply:
+        if self._recording.runs:
+            same = (self._recording.folder, self._recording.start_ns) == (command.folder, command.start_ns)
+            return Reply(same, f"{self._recording.folder} is being recorded" + ("" if same else ": end it first"))
         if self._zero_ns is None:
             self._zero_ns = time.monotonic_ns()
-        begun = begin(self._view, self._rendering, live=True, zero_s=(wish.start_ns - self._zero_ns) / NS_PER_S)
+        begun = begin(self._view, self._rendering, live=True, zero_s=(command.start_ns - self._zero_ns) / NS_PER_S)
         try:
-            self._take.begin(wish.folder, wish.start_ns, begun, frozenset(self._view.save), _heard(self._reader))
+            self._recording.begin(
+                command.folder, command.start_ns, begun, frozenset(self._view.save), _heard(self._reader)
+            )
         except UNWRITABLE as error:
-            self._take.trouble = f"nothing can be kept in {wish.folder}: {error}"
-            self._log.error("take not begun", folder=wish.folder, error=str(error))
-            return Reply(False, self._take.trouble)
-        return Reply(True, f"frames are kept in {wish.folder}")
+            self._recording.problem = unwritable(command.folder, error)
+            self._log.error("recording not begun", folder=command.folder, error=str(error))
+            return Reply(False, str(self._recording.problem))
+        return Reply(True, f"frames are recorded in {command.folder}")
 
     def _end(self) -> tuple[WorkerSummary | None, Reply]:
-        if not self._take.runs:
-            return None, Reply(False, self._take.trouble or "no take is running")
-        summary = self._take.end(_heard(self._reader), self._warm_up_s)
+        if not self._recording.runs:
+            return None, Reply(False, str(self._recording.problem or "nothing is being recorded"))
+        summary = self._recording.end(_heard(self._reader), self._warm_up_s)
         if summary is None:
-            return None, Reply(False, self._take.trouble or "the take could not be ended")
-        return summary, Reply(True, f"{summary.frames} frames are kept", {"frames": summary.frames})
+            return None, Reply(False, str(self._recording.problem or "the recording could not be ended"))
+        return summary, Reply(True, f"{summary.frames} frames are recorded", {"frames": summary.frames})
 
     def _render(self, frame: int) -> None:
         begun_ns = time.monotonic_ns()
@@ -220,28 +224,41 @@ class LiveWorker:
         saccade_impulses = kicks_of(told, self._state.t_ns) if kicked and self._state is not None else ()
         head = self._head_path.step(t_s, dt_s, self._head, gaze_deg(self._state))
         arguments = (frame, t_s, dt_s, head, self._state, saccade_impulses)
+        before, (revision, settings) = self._rendering.perception, self._settings
+        if settings != before:
+            self._use(settings)
         try:
             rendered = self._rendering.render(*arguments)
         except (FrameError, OpticsError) as error:
-            if self._before is None:
+            if settings == before:
                 raise
-            self._refused = f"settings were taken back, since they cannot be rendered: {error}"
-            self._log.warning("settings taken back", error=str(error))
-            self._perceive(self._before)
+            self._take_back(revision, before, error)
             rendered = self._rendering.render(*arguments)
         else:
-            self._refused = None if self._before is not None else self._refused
-        self._before = None
+            self._refused = self._refused if settings == before else None
         timings = tuple(rendered.perceived.timings)
         self._rendering.correct(timings)
         self._t_s, self._head, self._frame = t_s, head, frame
         record = FrameRecord(frame, t_s, dt_s, head, self._state, saccade_impulses, self._dropped, timings)
         self._sink(rendered, record, begun_ns)
 
+    def _take_back(self, revision: int, before: Settings, error: Exception) -> None:
+        self._refused = problem(
+            "settings taken back",
+            "warning",
+            f"The last settings were taken back, since they cannot be rendered: {error}",
+            "Those from before go on. Choose other values under Settings",
+        )
+        self._log.warning("settings taken back", error=str(error))
+        with self._changing:
+            if self._settings[0] == revision:  # else others have come meanwhile
+                self._settings = (time.monotonic_ns(), before)
+        self._use(before)
+
     def _sink(self, rendered: Rendered, record: FrameRecord, begun_ns: int) -> None:
         """Keeps a frame and shows it; its row is written last, since it says how long that took."""
         sink_ns = time.monotonic_ns()
-        self._take.add(rendered, record)
+        self._recording.add(rendered, record)
         kept_ns = time.monotonic_ns()
         self._recent.append(kept_ns)
         if self._publisher is not None:
@@ -255,10 +272,9 @@ class LiveWorker:
                 dropped=self._dropped,
                 latency=lambda: self._latency(begun_ns),
                 sink_ms=(kept_ns - sink_ns) / 1e6,
-                take=self._take.folder,
-                trouble=self._trouble(),
+                recording=self._recording.folder,
             )
-        self._take.note(rendered, self._latency(begun_ns))
+        self._recording.note(rendered, self._latency(begun_ns))
 
     def _latency(self, begun_ns: int) -> LatencyMs | None:
         """Up to now, when a frame is kept and its pictures are published."""
@@ -289,7 +305,7 @@ class LiveWorker:
             self._recent.popleft()
         self._log.info("progress", frame=frame + 1, frames=frames, dropped=self._dropped)
         if self._keeper is not None and self._keeper.due:
-            self._take.check()
+            self._recording.check()
             self._keeper.write(self._checkpoint())
 
     def _checkpoint(self) -> Checkpoint:
@@ -332,7 +348,11 @@ def run(config: WorkerConfig, stop: Stop, log: structlog.typing.FilteringBoundLo
         if publisher is None:
             opened.callback(context.term)
         worker = LiveWorker(reader, rendering, head_path, links, view, stop, log, publisher)
-        requests = None if links.control is None else WorkerRequests(links.control, keys, worker.status, context)
+        requests = (
+            None
+            if links.control is None
+            else WorkerRequests(links.control, keys, worker.status, worker.change, context)
+        )
         if requests is not None:
             opened.callback(requests.close)
         log.info(

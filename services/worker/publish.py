@@ -114,8 +114,7 @@ class LivePublisher:
         dropped: int,
         latency: Callable[[], LatencyMs | None],
         sink_ms: float,
-        take: str | None,
-        trouble: str | None,
+        recording: str | None,
     ) -> None:
         """Makes and sends what is wanted of a frame; does not wait. To be called once for each frame.
 
@@ -152,8 +151,7 @@ class LivePublisher:
                     reached_fps=reached_fps,
                     dropped=dropped,
                     latency=latency(),
-                    take=take,
-                    trouble=trouble,
+                    recording=recording,
                 ),
             )
 

@@ -1,7 +1,7 @@
 """What a live worker is asked, answered from a thread of its own: a frame may take ten seconds, where code is compiled.
 
-Theory of operation: the thread looks at a request and answers what it can; what changes frames or files is put in a
-queue, which the loop that renders takes from between two frames. Who ends a take waits until its files are whole; all
+Theory of operation: the thread looks at a request and answers what it can; what changes files is put in a queue,
+which the loop that renders takes from between two frames. Who ends a recording waits until its files are whole; all
 others have their answer within two seconds.
 """
 
@@ -14,16 +14,16 @@ from collections.abc import Callable
 from concurrent.futures import Future
 from concurrent.futures import TimeoutError as StillBusyError
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
-import msgspec
 import zmq
 
 from entoptic.pipeline import FrameError
 from entoptic.pipeline.effects.tone.own_curve import read_curve
 from entoptic.services.ipc.client import Reply
 from entoptic.services.ipc.handler import RequestHandler
-from entoptic.services.ipc.requests import BeginTake, EndTake, GiveStatus, Perceive, WorkerRequest
+from entoptic.services.ipc.requests import ChangeSettings, GiveStatus, StartRecording, StopRecording, WorkerRequest
+from entoptic.services.ipc.status import WorkerStatus
 from entoptic.services.settings import Settings
 from entoptic.tracker_bridge.access import ServerKeys
 
@@ -32,7 +32,7 @@ ANSWER_WITHIN_S: Final = 1.5
 """A loop that is busy for longer has its say in the status."""
 STOPS: Final = Reply(False, "the worker stops")
 
-Wish = Settings | BeginTake | EndTake
+Command = StartRecording | StopRecording
 """What the loop has to do."""
 
 
@@ -43,14 +43,15 @@ class WorkerRequests:
         self,
         address: str,
         keys: ServerKeys | None,
-        status: Callable[[], dict[str, Any]],
+        status: Callable[[], WorkerStatus],
+        change: Callable[[Settings], int],
         context: zmq.Context[zmq.Socket[bytes]],
     ) -> None:
-        """`status` is called from the thread."""
-        self._status = status
-        self._wishes: queue.Queue[tuple[Wish, Future[Reply]]] = queue.Queue()
+        """`status` and `change`, which says the revision of the new settings, are called from the thread."""
+        self._status, self._change = status, change
+        self._commands: queue.Queue[tuple[Command, Future[Reply]]] = queue.Queue()
         self._ended: Reply | None = None
-        """What became of the take when the loop ended."""
+        """What became of the recording when the loop ended."""
         self._over = threading.Event()
         # From here on it is the thread's.
         self._control: RequestHandler[WorkerRequest] = RequestHandler(
@@ -72,31 +73,29 @@ class WorkerRequests:
         match request:
             case GiveStatus():
                 return Reply(True, "rendering", self._status())
-            case Perceive(settings):
+            case ChangeSettings(settings):
                 try:
-                    perception = msgspec.convert(settings, Settings)
-                    if perception.tone.curve:
-                        read_curve(perception.tone.curve)
-                except (msgspec.ValidationError, FrameError) as error:
+                    if settings.tone.curve:
+                        read_curve(settings.tone.curve)
+                except FrameError as error:
                     return Reply(False, f"settings: {error}")
-                self._wish(perception)
-                return Reply(True, "from the next frame on")
-            case BeginTake(folder):
+                return Reply(True, "from the next frame on", self._change(settings))
+            case StartRecording(folder):
                 if not Path(folder).is_dir():
                     return Reply(False, f"{folder} is no folder: make it first")
-                begins = self._wish(request)
+                begun = self._command(request)
                 try:
-                    return begins.result(ANSWER_WITHIN_S)
+                    return begun.result(ANSWER_WITHIN_S)
                 except StillBusyError:
                     if self._ended is not None:
                         return STOPS
-                    return Reply(True, "the take begins with the next frame, which takes a while")
-            case EndTake():
-                return self._wait_for(self._wish(request))
+                    return Reply(True, "the recording begins with the next frame, which takes a while")
+            case StopRecording():
+                return self._wait_for(self._command(request))
 
-    def _wish(self, wish: Wish) -> Future[Reply]:
+    def _command(self, command: Command) -> Future[Reply]:
         answer: Future[Reply] = Future()
-        self._wishes.put((wish, answer))
+        self._commands.put((command, answer))
         return answer
 
     def _wait_for(self, answer: Future[Reply]) -> Reply:
@@ -108,23 +107,23 @@ class WorkerRequests:
                     break
         return answer.result() if answer.done() else self._ended or STOPS
 
-    def serve(self, do: Callable[[Wish], Reply], wait_s: float) -> None:
-        """Does what was wished; where nothing was, waits so long for a wish. For the loop."""
+    def serve(self, do: Callable[[Command], Reply], wait_s: float) -> None:
+        """Does what was asked; where nothing was, waits so long for a command. For the loop."""
         until_s = time.monotonic() + wait_s
         while True:
             try:
-                wish, answer = (
-                    self._wishes.get(timeout=max(until_s - time.monotonic(), 0.0))
+                command, answer = (
+                    self._commands.get(timeout=max(until_s - time.monotonic(), 0.0))
                     if wait_s > 0
-                    else (self._wishes.get_nowait())
+                    else (self._commands.get_nowait())
                 )
             except queue.Empty:
                 return
-            answer.set_result(do(wish))
+            answer.set_result(do(command))
             wait_s = 0.0
 
     def over(self, ended: Reply) -> None:
-        """The loop has ended; what whoever waits for the end of the take is told."""
+        """The loop has ended; what whoever waits for the end of the recording is told."""
         self._ended = ended
 
     def close(self) -> None:

@@ -41,9 +41,9 @@ from entoptic.tracker_bridge.usb_twin.descriptors import PACKET_BYTES
 from entoptic.tracker_bridge.usb_twin.report import DESCRIPTOR, tracking_report
 
 PAGE_REQUESTS = (
-    b'{"do": "perceive", "id": 1, "changes": {"observer.age_years": 61}}',
-    b'{"do": "start", "id": 2, "config": {"eyes": {"source": "capture"}}}',
-    b'{"do": "watch", "id": 3, "perceived": true, "displayed": false}',
+    b'{"id": 1, "request": {"do": "change settings", "changes": {"observer.age_years": 61}}}',
+    b'{"id": 2, "request": {"do": "start session", "config": {"eyes": {"source": "capture"}}}}',
+    b'{"id": 3, "request": {"do": "watch", "perceived": true, "displayed": false}}',
 )
 
 

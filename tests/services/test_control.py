@@ -10,14 +10,14 @@ import zmq
 from hypothesis import given
 from hypothesis import strategies as st
 
-from entoptic.services.bridge.tracker_tasks import told
-from entoptic.services.ipc.client import ControlError, Reply, tell
+from entoptic.services.bridge.tracker_tasks import do_task
+from entoptic.services.ipc.client import Client, ControlError, Reply, tell
 from entoptic.services.ipc.handler import RequestHandler
 from entoptic.services.ipc.requests import (
     StartCalibration,
-    StartRecording,
+    StartTrackerRecording,
     StopCalibration,
-    StopRecording,
+    StopTrackerRecording,
     TrackerRequest,
 )
 from entoptic.tracker_bridge.access import OpenAddressError
@@ -47,7 +47,7 @@ class Tracker:
 
 
 def control_of(source: object, address: str, context: zmq.Context[zmq.Socket[bytes]]) -> RequestHandler[TrackerRequest]:
-    return RequestHandler(address, TrackerRequest, functools.partial(told, source), None, context)
+    return RequestHandler(address, TrackerRequest, functools.partial(do_task, source), None, context)
 
 
 class Attended:
@@ -84,7 +84,7 @@ def address(tracker: Tracker) -> Iterator[str]:
 
 
 def test_each_task_reaches_the_tracker(tracker: Tracker, address: str) -> None:
-    for request in (StartRecording("mine"), StopRecording(), StartCalibration(), StopCalibration()):
+    for request in (StartTrackerRecording("mine"), StopTrackerRecording(), StartCalibration(), StopCalibration()):
         assert str(request.__struct_config__.tag) in tell(address, request).reply
     assert tracker.orders == ["record mine", "stop recording", "calibrate", "stop calibrating"]
 
@@ -92,27 +92,27 @@ def test_each_task_reaches_the_tracker(tracker: Tracker, address: str) -> None:
 def test_the_form_on_the_wire_is_the_documented_one(tracker: Tracker, address: str) -> None:
     with zmq.Context() as context, context.socket(zmq.REQ) as socket:
         socket.connect(address)
-        socket.send(msgspec.msgpack.encode({"do": "start recording", "name": "mine"}))
+        socket.send(msgspec.msgpack.encode({"do": "start tracker recording", "name": "mine"}))
         reply = msgspec.msgpack.decode(socket.recv())
     assert (reply["done"], tracker.orders) == (True, ["record mine"])
 
 
 def test_what_the_tracker_refuses_is_said(tracker: Tracker, address: str) -> None:
     with pytest.raises(ControlError, match="no such name"):
-        tell(address, StartRecording("bad/name"))
+        tell(address, StartTrackerRecording("bad/name"))
     assert tracker.orders == []
 
 
 def test_a_source_that_cannot_is_said() -> None:
     attended = Attended(object())
     with pytest.raises(ControlError, match="run the bridge on `capture`"):
-        tell(attended.control.address, StopRecording())
+        tell(attended.control.address, StopTrackerRecording())
     attended.close()
 
 
 def test_nobody_there() -> None:
     with pytest.raises(ControlError, match="nobody answers"):
-        tell("tcp://127.0.0.1:9", StopRecording())
+        tell("tcp://127.0.0.1:9", StopTrackerRecording())
 
 
 def test_only_this_machine_without_keys() -> None:
@@ -166,3 +166,25 @@ def unattended() -> Iterator[RequestHandler[TrackerRequest]]:
 )
 def test_any_bytes_get_an_answer(unattended: RequestHandler[TrackerRequest], message: bytes) -> None:
     assert isinstance(unattended._answer(message), Reply)
+
+
+def test_a_client_goes_on_after_a_request_that_nobody_answered() -> None:
+    with zmq.Context() as context:
+        handler = control_of(Tracker(), "tcp://127.0.0.1:*", context)
+        with Client(handler.address) as client:
+            with pytest.raises(ControlError, match="nobody answers"):
+                client.ask(StopCalibration(), patience_ms=50)
+            client.send(StartTrackerRecording("mine"))
+            reply = None
+            while reply is None:  # the late reply to the first one is dropped
+                handler.attend(20)
+                reply = client.poll(20)
+            assert "start tracker recording" in reply.reply
+            assert client.request is None
+            assert client.poll() is None
+        handler.close()
+
+
+def test_an_address_that_is_none() -> None:
+    with pytest.raises(ControlError, match="cannot connect to nowhere"):
+        Client("nowhere")

@@ -33,7 +33,7 @@ from entoptic.services.session.watch import Work
 from entoptic.services.session_config import EYES, view_of
 from entoptic.services.settings import Settings
 from entoptic.services.worker.checkpoint import Checkpoint, Keeper
-from entoptic.services.worker.take import WorkerTake
+from entoptic.services.worker.recording import WorkerRecording
 from entoptic.tracker_bridge.wire import Direction, EyeState, OneEyeState, Phase
 
 FPS = 20.0
@@ -304,27 +304,27 @@ def test_every_cut_leaves_whole_frames(take: Path, tmp_path: Path) -> None:
 
 def test_a_take_whose_folder_is_gone_ends_and_says_so(tmp_path: Path) -> None:
     session = Session(Settings())
-    kept_take = WorkerTake(structlog.get_logger())
+    recording = WorkerRecording(structlog.get_logger())
     folder = tmp_path / "take"
     folder.mkdir()
-    kept_take.begin(str(folder), 0, begin(VIEW, session.rendering, live=True), SAVE, HEARD)
+    recording.begin(str(folder), 0, begin(VIEW, session.rendering, live=True), SAVE, HEARD)
     rendered = session.rendering.render(0, 0.0, 0.0, Head(), None, ())
-    kept_take.add(rendered, FrameRecord(0, 0.0, 0.0, Head(), None, (), 0))
-    kept_take.note(rendered, None)
-    kept_take.check()
-    assert kept_take.runs
+    recording.add(rendered, FrameRecord(0, 0.0, 0.0, Head(), None, (), 0))
+    recording.note(rendered, None)
+    recording.check()
+    assert recording.runs
     shutil.rmtree(folder)
-    kept_take.check()
-    assert not kept_take.runs
-    assert kept_take.trouble is not None
-    assert str(folder) in kept_take.trouble
-    assert kept_take.end(HEARD, None) is None
+    recording.check()
+    assert not recording.runs
+    assert recording.problem is not None
+    assert str(folder) in recording.problem.what
+    assert recording.end(HEARD, None) is None
     with pytest.raises((OSError, FrameError)):
-        kept_take.begin(str(folder), 0, begin(VIEW, session.rendering, live=True), SAVE, HEARD)
+        recording.begin(str(folder), 0, begin(VIEW, session.rendering, live=True), SAVE, HEARD)
     folder.mkdir()
-    kept_take.begin(str(folder), 0, begin(VIEW, session.rendering, live=True), SAVE, HEARD)
-    assert kept_take.trouble is None
-    assert kept_take.end(HEARD, 1.0) is not None
+    recording.begin(str(folder), 0, begin(VIEW, session.rendering, live=True), SAVE, HEARD)
+    assert recording.problem is None
+    assert recording.end(HEARD, 1.0) is not None
     assert json.loads((folder / "worker.json").read_text())["frames"] == 0
     assert takes.finish(folder)["film"] is None
 

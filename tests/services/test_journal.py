@@ -11,18 +11,18 @@ def lines(path: Path) -> list[dict[str, object]]:
     return [json.loads(line) for line in path.read_text().splitlines()]
 
 
-def test_all_stands_in_the_hosts_file_and_in_the_takes_while_it_runs(tmp_path: Path) -> None:
+def test_all_stands_in_the_hosts_file_and_in_the_recordings_while_it_runs(tmp_path: Path) -> None:
     journal = Journal(tmp_path / "log")
     journal.add({"event": "before", "process": "bridge", "pid": 7})
-    journal.begin_take(tmp_path)
+    journal.begin_recording(tmp_path)
     journal.add({"event": "during", "process": "worker", "pid": 8})
     journal.add({"event": "progress", "frame": 3})
-    journal.end_take()
+    journal.end_recording()
     journal.say("after", folder="there")
     journal.close()
     assert [one["event"] for one in lines(journal.path)] == ["before", "during", "after"]
     assert lines(tmp_path / "log.jsonl") == [{"event": "during", "process": "worker", "pid": 8}]
-    assert journal.trouble is None
+    assert journal.problem is None
 
 
 def test_the_hosts_file_stays_small(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -48,8 +48,8 @@ def test_a_disk_that_takes_nothing_is_said_and_harms_nobody(tmp_path: Path) -> N
     (tmp_path / "log").write_text("a file where the folder should be")
     journal = Journal(tmp_path / "log")
     journal.say("word")
-    assert journal.trouble is not None
-    assert "cannot be written" in journal.trouble
-    journal.begin_take(tmp_path / "nowhere")
+    assert journal.problem is not None
+    assert "cannot be written" in journal.problem.what
+    journal.begin_recording(tmp_path / "nowhere")
     journal.say("word")
     journal.close()

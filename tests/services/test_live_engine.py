@@ -72,8 +72,7 @@ def as_an_engine_shows_it(rendered: Rendered, wanted: Settings, folder: Path) ->
                 dropped=0,
                 latency=lambda: None,
                 sink_ms=0.0,
-                take=None,
-                trouble=None,
+                recording=None,
             )
             time.sleep(0.02)
         engine.kill()

@@ -82,8 +82,7 @@ def show(publisher: LivePublisher, rendered: Rendered, *, t_ns: int = 12, take: 
         dropped=2,
         latency=lambda: LatencyMs(5.0, 10.0, 40.0),
         sink_ms=1.5,
-        take=take,
-        trouble=None,
+        recording=take,
     )
 
 
@@ -120,7 +119,7 @@ def test_each_topic_carries_what_was_rendered(
     expected = as_displayed(rendered.frame, SETTINGS.display)
     np.testing.assert_array_equal(displayed.image, np.concatenate(list(expected), axis=1))
     assert (perceived.width_px, perceived.height_px, perceived.encoding) == (192, 80, "srgb")
-    assert (shown.frame, shown.take, shown.dropped, shown.reached_fps) == (7, "folder", 2, 23.5)
+    assert (shown.frame, shown.recording, shown.dropped, shown.reached_fps) == (7, "folder", 2, 23.5)
     assert shown.latency is not None
     assert shown.latency.total == 55.0
     assert [eye.eye for eye in shown.eyes] == ["left", "right"]

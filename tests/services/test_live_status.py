@@ -1,9 +1,24 @@
-from entoptic.services.live.status import Found
+import errno
+
+from entoptic.services.ipc.status import BridgeStatus, HostStatus, Problem, WorkerStatus, merged, status_of, unwritable
 
 
-def test_a_silent_tracker_is_wrong_whoever_says_it() -> None:
-    assert Found("tcp://bridge", {"states": 9, "silent": None, "trouble": None}).wrong == ()
-    said = {"silent": "no sample for 2 s"}
-    assert Found("tcp://bridge", said).wrong == ("the tracker is silent: no sample for 2 s",)
-    assert Found("tcp://host", {"figures": {"bridge": said, "worker": {}}}).wrong == Found("tcp://bridge", said).wrong
-    assert Found("tcp://host", {"figures": {"bridge": {"silent": None}}, "processes": {}}).wrong == ()
+def test_a_full_disk_is_one_problem_whoever_says_it() -> None:
+    full = OSError(errno.ENOSPC, "No space left on device")
+    both = merged([unwritable("/study/one", full)], [unwritable("/study/one", full)])
+    assert [one.code for one in both] == ["disk full"]
+    assert "/study/one ended: No space left on device." in both[0].what
+    assert unwritable("/study/one", OSError(errno.EFBIG, "File too large")).code == "recording failed"
+
+
+def test_the_worst_comes_first() -> None:
+    note, error = Problem("a", "note", "A.", "B."), Problem("b", "error", "A.", "B.")
+    assert merged([note], [error]) == (error, note)
+
+
+def test_a_status_says_whose_it_is() -> None:
+    assert status_of({"of": "bridge", "source": "eyes", "of another version": 1}) == BridgeStatus(source="eyes")
+    assert status_of({"of": "worker", "revision": 3}) == WorkerStatus(revision=3)
+    assert status_of({"of": "host", "worker": {"of": "worker", "fps": 2.0}}) == HostStatus(worker=WorkerStatus(fps=2.0))
+    for nonsense in (None, {}, {"of": "moon"}, {"of": "bridge", "states": "many"}, {"of": "host", "addresses": {}}):
+        assert status_of(nonsense) is None

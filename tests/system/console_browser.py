@@ -52,7 +52,7 @@ class Console:
         command = [sys.executable, "-m", "entoptic", "status", "--json"]
         said = subprocess.run(command, capture_output=True, env=self.environment, check=False, timeout=60).stdout
         (host,) = json.loads(said)
-        return int(host["said"]["processes"][name]["pid"])
+        return int(host["status"]["processes"][name]["pid"])
 
     def wait_for(self, condition: Callable[[], Any], what: str, patience_s: float = 120.0) -> None:
         deadline = time.monotonic() + patience_s

@@ -15,7 +15,7 @@ import pytest
 
 from entoptic.services.config import EyesConfig
 from entoptic.services.ipc.client import tell
-from entoptic.services.ipc.requests import StartRecording
+from entoptic.services.ipc.requests import StartTrackerRecording
 from entoptic.services.process_config import BridgeConfig
 from entoptic.services.reader import StateReader
 from entoptic.tracker_bridge.events import SourceBack, SourceSilent, TaskOutcome, TrackerTask
@@ -108,7 +108,7 @@ def test_a_bridge_outlives_a_tracker_that_comes_late_restarts_and_records(tmp_pa
             ear.until(lambda: ear.count(SourceBack) >= 2)  # there, and there again
             begun = len(ear.states)
             ear.until(lambda: len(ear.states) > begun and ear.states[-1].t_ns - ear.states[begun].t_ns > 3e9)
-            assert "told" in tell(control, StartRecording("mine")).reply
+            assert "asked" in tell(control, StartTrackerRecording("mine")).reply
             ear.until(lambda: ear.count(TrackerTask) >= 1)
         silent = ear.count(SourceSilent)
         ear.until(lambda: ear.count(SourceSilent) > silent)  # gone for good

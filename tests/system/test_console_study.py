@@ -81,7 +81,7 @@ def test_a_lost_server_is_said_and_found_again(browser: Browser, console: Consol
     fold = page.locator("#panel-settings details").last
     fold.locator("summary").click()
     os.kill(console.pid_of("web"), signal.SIGKILL)
-    problem = page.locator('[data-name="connection lost"]')
+    problem = page.locator('[data-code="connection lost"]')
     expect(problem).to_contain_text("No connection to the console's server")
     expect(page.get_by_role("alert")).to_contain_text("No connection to the console's server")
     expect(page.locator("#start")).to_be_disabled()
@@ -90,7 +90,7 @@ def test_a_lost_server_is_said_and_found_again(browser: Browser, console: Consol
     # Whoever was in the middle of something is left there.
     expect(page.locator("#panel-settings")).to_be_visible()
     assert fold.get_attribute("open") is not None
-    expect(stale.locator('[data-name="connection lost"]')).to_contain_text("with its token")
+    expect(stale.locator('[data-code="connection lost"]')).to_contain_text("with its token")
     expect(stale.locator("#now-text")).to_have_text("Not connected")
     page.close()
     stale.close()
@@ -168,7 +168,7 @@ def test_a_tracker_that_is_not_there_is_said_with_what_to_do(browser: Browser, t
     setting(page, "eyes.remote").locator("input").fill("tcp://127.0.0.1:1")
     fill(page, width_px=120, height_px=120)
     page.click("#start")
-    problem = page.locator('[data-name="no tracker"]')
+    problem = page.locator('[data-code="no tracker"]')
     expect(problem).to_contain_text("plugged in", timeout=120_000)
     expect(page.locator("#now-mark")).to_have_attribute("data-state", "bad", timeout=120_000)
     page.close()

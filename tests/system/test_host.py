@@ -60,7 +60,7 @@ def test_a_session_goes_on_whatever_is_killed_and_its_take_is_whole(host: LiveHo
         os.kill(pid, signal.SIGKILL)
         host.until(
             lambda now, name=name: now["processes"][name]["state"] == "running" and now["processes"][name]["restarts"],
-            f"{name} is started anew",
+            f"{name} is started again",
         )
         before = frames_of(folder)
         until(lambda before=before: frames_of(folder) > before + 2, f"frames are kept after {name}")
@@ -68,8 +68,8 @@ def test_a_session_goes_on_whatever_is_killed_and_its_take_is_whole(host: LiveHo
     assert {path.name for path in folder.glob("eyes*")} == {"eyes", "eyes-2"}
     reply = host.ask(StopRecord())
     assert reply.done
-    now = host.until(lambda now: now["last_folder"] and not now["finishing"], "the take is finished")
-    finished = Path(now["last_folder"])
+    now = host.until(lambda now: now["last_recording"] and not now["finishing"], "the take is finished")
+    finished = Path(now["last_recording"])
     assert finished == Path(running["root"]) / "first"
     assert not folder.exists()
     summary = json.loads((finished / "summary.json").read_text())
@@ -95,17 +95,19 @@ def test_what_cannot_be_written_ends_the_take_and_not_the_session(
     resource.prlimit(pid, resource.RLIMIT_FSIZE, (most_bytes, hard))
     assert host.ask(Record(name)).done
     said = re.compile(f"{name}.partial.*File too large")
-    now = host.until(lambda now: said.search(now["trouble"] or ""), "the trouble is said")
+    now = host.until(lambda now: said.search(str(now["problems"])), "the problem is said")
     assert now["state"] == "running"
     assert host.pids()["worker"] == pid
     assert hears_frames(now["addresses"]["frames"])
     resource.prlimit(pid, resource.RLIMIT_FSIZE, (soft, hard))
     assert host.ask(end).done
-    now = host.until(lambda now: (now["last_folder"] or "").endswith(name) and not now["finishing"], "it is finished")
-    summary = json.loads((Path(now["last_folder"]) / "summary.json").read_text())
-    assert "File too large" in summary["trouble"]
+    now = host.until(
+        lambda now: (now["last_recording"] or "").endswith(name) and not now["finishing"], "it is finished"
+    )
+    summary = json.loads((Path(now["last_recording"]) / "summary.json").read_text())
+    assert "File too large" in summary["problems"][0]["what"]
     assert summary["interrupted"] is False
-    assert "File too large" in (Path(now["last_folder"]) / "report.html").read_text()
+    assert "File too large" in (Path(now["last_recording"]) / "report.html").read_text()
     if isinstance(end, StopSession):
         host.until(lambda now: now["state"] == "idle", "the session is over")
 
@@ -114,18 +116,19 @@ def test_what_cannot_be_written_ends_the_take_and_not_the_session(
 def test_status_says_how_it_is(host: LiveHost) -> None:
     if host.status()["state"] != "running":
         host.start()
-    host.until(lambda now: now["figures"]["worker"] and now["figures"]["bridge"], "figures are known")
-    told = host.command("status", "--json")
-    (found,) = json.loads(told.stdout)
-    assert found["said"]["config"]["eyes"]["source"] == "simulated"
-    assert found["said"]["figures"]["worker"]["fps"] == 20.0
-    assert found["said"]["console_url"].startswith("http://127.0.0.1:")
-    assert told.returncode == (1 if found["wrong"] else 0)
+    host.until(lambda now: now["worker"] and now["bridge"], "what its processes say is known")
+    printed = host.command("status", "--json")
+    (found,) = json.loads(printed.stdout)
+    status = found["status"]
+    assert status["config"]["eyes"]["source"] == "simulated"
+    assert status["worker"]["fps"] == 20.0
+    assert status["console_url"].startswith("http://127.0.0.1:")
+    assert printed.returncode == (1 if found["problems"] else 0)
     words = host.command("status").stderr
     assert "simulated viewing night-street" in words
-    addresses = found["said"]["addresses"]
+    addresses = status["addresses"]
     each = host.command("status", "--json", addresses["bridge"], addresses["worker"])
-    assert [one["silent"] for one in json.loads(each.stdout)] == [None, None]
+    assert [one["status"]["of"] for one in json.loads(each.stdout)] == ["bridge", "worker"]
     nobody = host.command("status", "tcp://127.0.0.1:1")
     assert nobody.returncode == 1
     assert "nobody answers" in nobody.stderr
@@ -182,7 +185,7 @@ def test_a_killed_host_leaves_no_process_and_its_take_can_be_finished(tmp_path: 
         assert done.returncode == 0, done.stderr
         assert not folder.exists()
         summary = json.loads((tmp_path / "take" / "summary.json").read_text())
-        assert "left no last word" in summary["trouble"]
+        assert "left no summary" in summary["problems"][0]["what"]
         assert summary["interrupted"] is True
         assert (tmp_path / "take" / "report.html").exists()
         nobody = one.command("status")
@@ -211,4 +214,4 @@ def test_a_live_session_without_an_end_is_not_interrupted(tmp_path: Path) -> Non
         done = one.command("report", str(folder if folder.exists() else tmp_path / "take"))
         assert done.returncode == 0, done.stderr
         summary = json.loads((tmp_path / "take" / "summary.json").read_text())
-        assert (summary["interrupted"], summary["trouble"], summary["gaps"]) == (False, None, [])
+        assert (summary["interrupted"], summary["problems"], summary["gaps"]) == (False, [], [])

@@ -40,8 +40,8 @@ def test_twenty_kills_at_random_moments(tmp_path: Path) -> None:
         until(lambda: frames_of(folder) > before + 2, "frames are kept after all that")
         assert host.status()["running"]
         assert host.ask(StopRecord()).done
-        now = host.until(lambda now: now["last_folder"] and not now["finishing"], "the take is finished")
-        finished = Path(now["last_folder"])
+        now = host.until(lambda now: now["last_recording"] and not now["finishing"], "the take is finished")
+        finished = Path(now["last_recording"])
         summary = json.loads((finished / "summary.json").read_text())
         assert {gap["process"] for gap in summary["gaps"]} == {"bridge", "worker"}
         assert frames_of(finished) == summary["worker"]["frames"]

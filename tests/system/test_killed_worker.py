@@ -16,7 +16,7 @@ from entoptic.pipeline import Planning
 from entoptic.services.config import Save, ViewConfig
 from entoptic.services.ipc.addresses import free_addresses
 from entoptic.services.ipc.client import ControlError, Reply, ask
-from entoptic.services.ipc.requests import BeginTake, EndTake, GiveStatus, Perceive
+from entoptic.services.ipc.requests import ChangeSettings, GiveStatus, StartRecording, StopRecording
 from entoptic.services.process import Stop
 from entoptic.services.process_config import BridgeConfig, WorkerLinks
 from entoptic.services.results import finish as takes
@@ -71,12 +71,14 @@ def test_a_killed_worker_goes_on_and_its_take_is_rendered_again(tmp_path: Path) 
     worker = started("worker", config)
     try:
         wait_for_frame(at.worker, 2)
-        begin = BeginTake(str(folder), time.monotonic_ns())
+        begin = StartRecording(str(folder), time.monotonic_ns())
         assert ask(at.worker, begin).done
         wanted = wait_for(at.worker, lambda now: True)["settings"]
         wanted["observer"]["age_years"] = 66.0
-        assert ask(at.worker, Perceive(wanted)).done
-        wait_for(at.worker, lambda now: now["take"] and now["settings"]["observer"]["age_years"] == 66.0)
+        assert ask(at.worker, ChangeSettings(msgspec.convert(wanted, Settings))).done
+        revision = wait_for(
+            at.worker, lambda now: now["recording"] and now["settings"]["observer"]["age_years"] == 66.0
+        )["revision"]
         # With the second frame from here on the first one's checkpoint is written.
         killed_at = wait_for_frame(at.worker, wait_for_frame(at.worker, wait_for_frame(at.worker, 0) + 15))
         worker.kill()
@@ -84,12 +86,13 @@ def test_a_killed_worker_goes_on_and_its_take_is_rendered_again(tmp_path: Path) 
         worker = started("worker", config)
         wait_for_frame(at.worker, killed_at)
         resumed = wait_for(at.worker, lambda now: True)
+        assert resumed["revision"] > revision
         assert resumed["settings"]["observer"]["age_years"] == 66.0
         assert resumed["dropped"] > 0
         assert ask(at.worker, begin).done
-        wait_for(at.worker, lambda now: now["take"])
+        wait_for(at.worker, lambda now: now["recording"])
         wait_for_frame(at.worker, wait_for_frame(at.worker, 0) + 5)
-        ended: Reply = ask(at.worker, EndTake(), patience_ms=60_000)
+        ended: Reply = ask(at.worker, StopRecording(), patience_ms=60_000)
         assert ended.done, ended.reply
     finally:
         for process in (worker, eyes):

@@ -19,7 +19,7 @@ import zmq
 from entoptic.services.config import EyesConfig
 from entoptic.services.ipc.client import ask, tell
 from entoptic.services.ipc.messages import SHOWN, EyeShown, Shown, encode
-from entoptic.services.ipc.requests import BeginTake, CalibratePupils, EndTake, GiveStatus
+from entoptic.services.ipc.requests import CalibratePupils, GiveStatus, StartRecording, StopRecording
 from entoptic.services.process_config import BridgeConfig
 from entoptic.services.reader import StateReader
 from entoptic.tracker_bridge.samples import Eye, GazeSample, PupilSample
@@ -123,19 +123,14 @@ def test_after_a_crash_a_take_goes_on_where_the_clock_is(
 ) -> None:
     first = start(recording)
     begun_ns = first.ready["begun_ns"]
-    take = BeginTake(str(tmp_path), time.monotonic_ns())
-    assert not ask(first.control, BeginTake(str(tmp_path / "none"), 0)).done
+    take = StartRecording(str(tmp_path), time.monotonic_ns())
+    assert not ask(first.control, StartRecording(str(tmp_path / "none"), 0)).done
     assert tell(first.control, take).done
     assert tell(first.control, take).done
-    assert "end it first" in ask(first.control, BeginTake(str(tmp_path), 1)).reply
+    assert "end it first" in ask(first.control, StartRecording(str(tmp_path), 1)).reply
     began = first.status()["states"]
     seen = first.status_until(lambda status: status["states"] > began + 100)
-    assert (seen["take"], seen["trouble"], seen["silent"], seen["clock_uncertainty_ms"]) == (
-        str(tmp_path),
-        None,
-        None,
-        0,
-    )
+    assert (seen["recording"], seen["problems"], seen["clock_uncertainty_ms"]) == (str(tmp_path), [], 0)
     first.process.kill()
     first.process.wait()
     kept = rows(tmp_path / "states.csv")
@@ -151,8 +146,8 @@ def test_after_a_crash_a_take_goes_on_where_the_clock_is(
     assert not (tmp_path / "bridge.json").exists()
     began = again.status()["states"]
     again.status_until(lambda status: status["states"] > began + 100 and status["rate_hz"] > 30)
-    assert tell(again.control, EndTake()).done
-    assert not ask(again.control, EndTake()).done
+    assert tell(again.control, StopRecording()).done
+    assert not ask(again.control, StopRecording()).done
     whole = rows(tmp_path / "states.csv")
     assert whole[: len(kept)] == kept
     times_s = [float(row["t_s"]) for row in whole]
@@ -172,18 +167,19 @@ def test_after_a_crash_a_take_goes_on_where_the_clock_is(
 
 def test_a_full_disk_ends_the_take_alone(start: Callable[..., Running], recording: Path, tmp_path: Path) -> None:
     running = start(recording, files_of_bytes=40_000)
-    tell(running.control, BeginTake(str(tmp_path), time.monotonic_ns()))
-    status = running.status_until(lambda status: status["take"] is None)
-    assert "File too large" in status["trouble"]
-    assert str(tmp_path) in status["trouble"]
-    assert running.log_until("take failed")["error"] == status["trouble"]
+    tell(running.control, StartRecording(str(tmp_path), time.monotonic_ns()))
+    status = running.status_until(lambda status: status["recording"] is None)
+    (problem,) = status["problems"]
+    assert "File too large" in problem["what"]
+    assert str(tmp_path) in problem["what"]
+    assert running.log_until("recording failed")["error"] == f"{problem['what']} {problem['remedy']}"
     running.status_until(lambda later: later["states"] > status["states"] + 50)
-    assert "File too large" in ask(running.control, EndTake()).reply
+    assert "File too large" in ask(running.control, StopRecording()).reply
     kept = rows(tmp_path / "states.csv")
     assert len(kept) > 50
     assert None not in kept[-1].values()
     assert len(list(open_source(str(tmp_path / "eyes")).samples())) > 100
-    assert "File too large" in json.loads((tmp_path / "bridge.json").read_text())["trouble"]
+    assert "File too large" in json.loads((tmp_path / "bridge.json").read_text())["problem"]["what"]
 
 
 def test_a_folder_that_goes_away_ends_the_take_alone(
@@ -192,18 +188,18 @@ def test_a_folder_that_goes_away_ends_the_take_alone(
     folder = tmp_path / "take"
     folder.mkdir()
     running = start(recording)
-    tell(running.control, BeginTake(str(folder), time.monotonic_ns()))
+    tell(running.control, StartRecording(str(folder), time.monotonic_ns()))
     began = running.status()["states"]
     running.status_until(lambda status: status["states"] > began + 20)
     folder.rename(tmp_path / "elsewhere")
-    status = running.status_until(lambda status: status["take"] is None)
-    assert "moved away" in status["trouble"]
+    status = running.status_until(lambda status: status["recording"] is None)
+    assert "moved away" in status["problems"][0]["what"]
     assert len(rows(tmp_path / "elsewhere" / "states.csv")) > 20
     folder.mkdir()
-    assert tell(running.control, BeginTake(str(folder), time.monotonic_ns())).done
-    assert running.status()["trouble"] is None
+    assert tell(running.control, StartRecording(str(folder), time.monotonic_ns())).done
+    assert running.status()["problems"] == []
     assert running.end() == 0
-    assert json.loads((folder / "bridge.json").read_text())["trouble"] is None
+    assert json.loads((folder / "bridge.json").read_text())["problem"] is None
 
 
 def test_live_states_are_those_of_now_and_say_when_they_were_sent(
@@ -264,8 +260,8 @@ def test_it_ends_at_once_with_its_files_whole_while_its_tracker_is_silent(
     start: Callable[..., Running], tmp_path: Path, way: str
 ) -> None:
     running = start("capture", remote="tcp://127.0.0.1:9")
-    running.status_until(lambda status: status["silent"] is not None)
-    tell(running.control, BeginTake(str(tmp_path), time.monotonic_ns()))
+    running.status_until(lambda status: [one["code"] for one in status["problems"]] == ["no tracker"])
+    tell(running.control, StartRecording(str(tmp_path), time.monotonic_ns()))
     asked_s = time.monotonic()
     if way == "term":
         running.process.send_signal(signal.SIGTERM)

@@ -88,7 +88,7 @@ def test_a_session_end_to_end_and_the_same_again(tmp_path: Path) -> None:
     # Rendered again from what was kept.
     told = {
         "gaps": [{"process": "worker", "from_s": 0.1, "to_s": 0.2, "why": "killed"}],
-        "trouble": "once",
+        "problems": [{"code": "once", "severity": "note", "what": "Once.", "remedy": "None."}],
         "interrupted": True,
     }
     (one / "summary.json").write_text(json.dumps({**summaries[0], **told}))

@@ -6,7 +6,7 @@ import { openTab } from "./tabs.js";
 
 const STAGES = {
   ready: "Waiting for Start, on the participant's screens or here.", "waiting for the display": "Waiting for the participant's screens.",
-  paused: "Paused; Go on, there or here, starts the screen anew.", ending: "That was all. Working it out…",
+  paused: "Paused; Go on, there or here, starts the screen again.", ending: "That was all. Working it out…",
   "working it out": "Working it out…",
 };
 
@@ -76,13 +76,14 @@ export function watchCalibration(connection) {
   connection.on("lost", () => { running = false; calibrating = null; show(); });
   connection.on("status", (status) => {
     running = status.running;
-    calibrating = status.calibrating;
+    calibrating = status.bridge?.calibrating ?? null;
+    const calibrated = status.bridge?.calibrated ?? null;
     show();
-    const key = JSON.stringify(status.calibrated);
+    const key = JSON.stringify(calibrated);
     if (key !== told) {
       told = key;
-      result.replaceChildren(...(status.calibrated ? outcome(status.calibrated, start) : []));
-      if (status.calibrated) result.scrollIntoView({ block: "nearest" });
+      result.replaceChildren(...(calibrated ? outcome(calibrated, start) : []));
+      if (calibrated) result.scrollIntoView({ block: "nearest" });
     }
   });
   return { open: () => { openTab("calibration"); (begin.disabled ? byId("tab-calibration") : begin).focus(); } };
@@ -102,7 +103,7 @@ function outcome({ ok, eyes, problems, plot, out }, retry) {
       make("thead", {}, make("tr", {}, ...["eye", "white", "black", "span", "seen", "drift"].map((text) => make("th", { scope: "col" }, text)))),
       make("tbody", {}, ...Object.entries(eyes).map(row))) : null,
     plot_url ? make("a", { href: plot_url, target: "_blank" }, make("img", { class: "plot", src: plot_url, alt: "Both pupils before white and black screens; the table above says the values" })) : null,
-    out ? make("p", {}, "Kept in ", make("span", { class: "path" }, out)) : null,
+    out ? make("p", {}, "Saved in ", make("span", { class: "path" }, out)) : null,
     ok ? null : make("div", { class: "row" }, make("button", { id: "calibration-retry", onclick: retry }, "Try again")),
   ].filter(Boolean);
 }

@@ -1,7 +1,7 @@
 // The WebSocket to the console's server: hands messages on by their type, asks, and connects again when it is lost.
 // services/console/protocol.py says what is sent.
 
-const VERSION = 1;
+const VERSION = 2;
 const AGAIN_MS = [300, 600, 1200, 2500, 5000];
 const SILENT_MS = 6000;  // the status comes twice a second: a line that is dead longer is given up
 const RELOADED = "entoptic-reloaded";
@@ -49,7 +49,7 @@ export class Connection {
       return Promise.resolve({ done: false, reply: "Not done: there is no connection to the console's server.", data: null });
     }
     const id = this.#next++;
-    this.#socket.send(JSON.stringify({ do: what, id, ...values }));
+    this.#socket.send(JSON.stringify({ id, request: { do: what, ...values } }));
     return new Promise((resolve) => this.#waiting.set(id, resolve));
   }
 

@@ -23,44 +23,44 @@ export function watchControls(connection, session) {
 
   async function startOrStop() {
     if (start.disabled || start.hidden) return;
-    if (status.running) { await doing("Stopping", "stop"); openTab("facts"); return; }
+    if (status.running) { await doing("Stopping", "stop session"); openTab("facts"); return; }
     if (!session.form.checkValidity()) { openTab("session"); session.form.reportValidity(); return; }
-    if (!(await doing("Starting", "start", { config: session.config() }))) openTab("session");
+    if (!(await doing("Starting", "start session", { config: session.config() }))) openTab("session");
     else openTab("facts");
   }
 
-  // A key is pressed sooner by mistake than a button: while something is kept it takes two.
+  // A key is pressed sooner by mistake than a button: while a recording runs it takes two.
   async function startOrStopByKey() {
     const sure = performance.now() - sure_ms < SURE_MS;
     sure_ms = -Infinity;
-    if (status?.running && status.take !== null && !sure && !start.disabled && !start.hidden) {
+    if (status?.running && status.recording !== null && !sure && !start.disabled && !start.hidden) {
       sure_ms = performance.now();
-      say("A take is being recorded. Press s once more to end it and the session.");
+      say("A recording runs. Press s once more to end it and the session.");
     } else await startOrStop();
   }
 
   async function recordOrNot() {
     if (record.disabled || record.hidden) return;
-    if (status.take === null) await doing("Beginning to record", "record", { name: session.recordingName() });
-    else await doing("Finishing the take", "stop record");
+    if (status.recording === null) await doing("Beginning to record", "record", { name: session.recordingName() });
+    else await doing("Finishing the recording", "stop record");
   }
 
   function show() {
     const connected = hello !== null && status !== null;
-    const running = connected && status.running, taking = connected && status.take !== null;
+    const running = connected && status.running, recording = connected && status.recording !== null;
     start.hidden = record.hidden = connected && !hello.hosted;
     start.disabled = !connected || busy !== null;
     record.disabled = !running || busy !== null;
     setText(byId("start-text"), running ? "Stop" : "Start");
     setText(byId("start-sign"), running ? "■" : "▶");
     start.classList.toggle("main", !running);
-    record.setAttribute("aria-pressed", String(taking));
-    setText(byId("record-text"), taking ? `Stop recording ${inTime(status.take_s ?? 0)}` : "Record");
+    record.setAttribute("aria-pressed", String(recording));
+    setText(byId("record-text"), recording ? `Stop recording ${inTime(status.recording_s ?? 0)}` : "Record");
     byId("calibrate").disabled = !running;
     const [state, words] = connected ? (busy ? ["waiting", `${busy}…`] : standing(status)) : ["waiting", "Connecting…"];
     byId("now-mark").dataset.state = state;
     setText(byId("now-text"), words);
-    document.body.dataset.live = !connected ? "lost" : !running ? "stopped" : status.preparing || status.fps === null ? "preparing" : "live";
+    document.body.dataset.live = !connected ? "lost" : !running ? "stopped" : (status.worker?.preparing ?? true) ? "preparing" : "live";
   }
 
   connection.on("open", (message) => { hello = message; show(); });
@@ -84,11 +84,11 @@ export function watchControls(connection, session) {
 
 function standing(status) {
   if (!status.running) return ["idle", "Nothing runs. Choose eyes and a scene under Session, then Start."];
-  const what = `${status.source ?? "eyes"} viewing ${status.scene ?? "a scene"}`;
-  if (status.state === "stopping") return ["waiting", "Ending; what was kept is being made whole."];
-  if (status.fps === null) return ["waiting", "Starting: eyes and scene are being opened."];
-  if (status.preparing) return ["waiting", `Being prepared: ${what}. The first frame takes up to a minute.`];
+  const what = `${status.bridge?.source ?? status.host?.config?.eyes.source ?? "eyes"} viewing ${status.worker?.scene ?? status.host?.config?.view.scene ?? "a scene"}`;
+  if (status.host?.state === "stopping") return ["waiting", "Ending; what was recorded is being made whole."];
+  if (status.worker === null) return ["waiting", "Starting: eyes and scene are being opened."];
+  if (status.worker.preparing) return ["waiting", `Being prepared: ${what}. The first frame takes up to a minute.`];
   if (status.problems.some(({ severity }) => severity === "error")) return ["bad", `Running, but something is wrong: ${what}`];
   const well = status.problems.every(({ severity }) => severity === "note");
-  return [well ? "good" : "warn", `${status.take === null ? "Running" : `Recording into ${status.take}`}: ${what}`];
+  return [well ? "good" : "warn", `${status.recording === null ? "Running" : `Recording into ${status.recording}`}: ${what}`];
 }

@@ -2,7 +2,7 @@
 import { histogram } from "./histogram.js";
 import { byId, make, setText } from "./make.js";
 
-const ROWS = ["Source", "Scene", "Samples", "Clock", "Frames", "Left out", "Processes", "Kept in"];
+const ROWS = ["Source", "Scene", "Samples", "Clock", "Frames", "Left out", "Processes", "Recording"];
 
 export function watchFacts(connection) {
   const cells = Object.fromEntries(ROWS.map((name) => [name, make("dd", {}, "–")]));
@@ -20,25 +20,26 @@ export function watchFacts(connection) {
     const { latency } = status;
     setText(typical, latency === null ? "–" : `median ${latency.p50_ms.toFixed(0)}, 95 % in ${latency.p95_ms.toFixed(0)} ms`);
     histogram(bars, latency);
-    const now = `${status.take} ${status.finishing} ${status.last_take} ${status.root}`;
+    const now = `${status.recording} ${status.finishing} ${status.last_recording}`;
     if (now !== told) { told = now; list(files, status); }
   });
 }
 
-function facts(status) {
+function facts({ host, bridge, worker, ...status }) {
+  const scene = worker?.scene ?? host?.config?.view.scene, uncertainty_ms = bridge?.clock_uncertainty_ms ?? null;
   return {
-    Source: status.source ?? "–",
-    Scene: status.scene === null ? "–" : `${status.scene}${status.preparing ? " (being prepared)" : ""}`,
-    Samples: `${known(status.sample_rate_hz, 0, "a second and eye")}, ${status.states_hz.toFixed(0)} states a second`,
-    Clock: status.clock_uncertainty_ms === null ? "uncertainty not known" : status.clock_uncertainty_ms === 0 ? "this machine's own, exact" : `± ${status.clock_uncertainty_ms.toPrecision(2)} ms`,
-    Frames: status.fps === null ? "–" : `${known(status.reached_fps, 1, "")} of ${status.fps.toFixed(0)} a second`,
-    "Left out": `${status.dropped ?? 0} frames, ${status.late_samples} late samples`,
+    Source: bridge?.source ?? host?.config?.eyes.source ?? "–",
+    Scene: scene ? `${scene}${worker?.preparing ? " (being prepared)" : ""}` : "–",
+    Samples: `${known(bridge?.rate_hz, 0, "a second and eye")}, ${status.states_hz.toFixed(0)} states a second`,
+    Clock: uncertainty_ms === null ? "uncertainty not known" : uncertainty_ms === 0 ? "this machine's own, exact" : `± ${uncertainty_ms.toPrecision(2)} ms`,
+    Frames: worker ? `${known(worker.reached_fps, 1, "")} of ${known(worker.fps, 0, "a second")}` : "–",
+    "Left out": `${worker?.dropped ?? 0} frames, ${bridge?.late_samples ?? 0} late samples`,
     Processes: `${processes(status.processes)}; ${status.pages} ${status.pages === 1 ? "page" : "pages"} open`,
-    "Kept in": status.finishing ? `${status.finishing}, its report is being written` : status.take === null ? "nothing is kept now" : `${status.take}, ${inTime(status.take_s ?? 0)}`,
+    Recording: status.finishing ? `${status.finishing}, its report is being written` : status.recording === null ? "nothing now" : `${status.recording}, ${inTime(status.recording_s ?? 0)}`,
   };
 }
 
-const known = (value, digits, unit) => (value === null ? "–" : `${value.toFixed(digits)} ${unit}`.trim());
+const known = (value, digits, unit) => (value === null || value === undefined ? "–" : `${value.toFixed(digits)} ${unit}`.trim());
 
 function processes(all) {
   const well = all.filter(({ state, restarts }) => state === "running" && !restarts);
@@ -47,7 +48,7 @@ function processes(all) {
 }
 
 function inWords({ name, state, restarts, last_error }) {
-  const again = restarts ? `, started anew ${restarts === 1 ? "once" : `${restarts} times`}` : "";
+  const again = restarts ? `, started again ${restarts === 1 ? "once" : `${restarts} times`}` : "";
   return `${name} ${state}${again}${last_error && state !== "running" ? ` (${last_error})` : ""}`;
 }
 
@@ -57,10 +58,10 @@ function inParts({ sample_to_state_ms: state, state_to_frame_ms: frame, frame_to
 
 export const inTime = (seconds) => `${Math.floor(seconds / 60)}:${String(Math.floor(seconds % 60)).padStart(2, "0")}`;
 
-function list(files, { take, finishing, last_take, root }) {
+function list(files, { recording, finishing, last_recording, host }) {
   files.replaceChildren();
-  if (take === null && finishing === null && last_take !== null) {
-    files.append(make("p", {}, "Last take: ", make("a", { href: `/sessions/${encodeURIComponent(last_take)}/report.html`, target: "_blank", id: "report" }, "report"),
-      ", folder ", make("span", { class: "path", id: "folder" }, root === null ? last_take : `${root}/${last_take}`)));
+  if (recording === null && finishing === null && last_recording !== null) {
+    files.append(make("p", {}, "Last recording: ", make("a", { href: `/sessions/${encodeURIComponent(last_recording)}/report.html`, target: "_blank", id: "report" }, "report"),
+      ", folder ", make("span", { class: "path", id: "folder" }, `${host.root}/${last_recording}`)));
   }
 }

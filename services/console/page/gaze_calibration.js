@@ -2,8 +2,8 @@
 import { make } from "./make.js";
 
 const TASKS = [
-  ["Gaze, by the tracker", "calibrate gaze", "stop calibrating gaze", "gaze"],
-  ["Recording, by the tracker", "record tracker", "stop record tracker", "tracker-recording"],
+  ["Gaze, by the tracker", "start calibration", "stop calibration", "gaze"],
+  ["Recording, by the tracker", "start tracker recording", "stop tracker recording", "tracker-recording"],
 ];
 const KEPT = 6;
 

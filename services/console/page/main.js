@@ -32,7 +32,7 @@ document.addEventListener("click", async ({ target }) => {
 });
 listenForKeys({
   s: ["start or stop the session", controls.startOrStopByKey],
-  r: ["begin or end a take", controls.recordOrNot],
+  r: ["start or stop recording", controls.recordOrNot],
   c: ["calibrate pupils", calibration.open],
   " ": ["pause the traces, or go on", () => byId("pause").click()],
 });

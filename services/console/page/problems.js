@@ -11,16 +11,16 @@ export function watchProblems(connection) {
 
   function show() {
     const wanted = [...ours, ...theirs];
-    const news = wanted.filter(({ name, severity }) => severity !== "note" && !shown.has(name));
-    for (const [name, element] of shown) {
-      if (!wanted.some((problem) => problem.name === name)) { element.remove(); shown.delete(name); }
+    const news = wanted.filter(({ code, severity }) => severity !== "note" && !shown.has(code));
+    for (const [code, element] of shown) {
+      if (!wanted.some((problem) => problem.code === code)) { element.remove(); shown.delete(code); }
     }
     for (const problem of wanted) {
-      if (!shown.has(problem.name)) {
-        shown.set(problem.name, entry(problem));
-        strip.append(shown.get(problem.name));
+      if (!shown.has(problem.code)) {
+        shown.set(problem.code, entry(problem));
+        strip.append(shown.get(problem.code));
       }
-      const element = shown.get(problem.name);
+      const element = shown.get(problem.code);
       setText(element.querySelector(".what"), problem.what);
       setText(element.querySelector(".remedy"), problem.remedy);
     }
@@ -34,16 +34,16 @@ export function watchProblems(connection) {
     theirs = [];  // nobody knows whether they last
     const remedy = again ? "It is being tried again. If it lasts, look whether the console still runs in its terminal." :
       "Open the address that the console printed when it started, with its token, or reload this page.";
-    ours = [{ name: LOST, severity: "error", what: `No connection to the console's server${reason ? `: ${reason}` : ""}.`, remedy }];
+    ours = [{ code: LOST, severity: "error", what: `No connection to the console's server${reason ? `: ${reason}` : ""}.`, remedy }];
     show();
   });
 }
 
 const inWords = ({ severity, what, remedy }) => `${(SIGNS[severity] ?? SIGNS.warning)[1]}${what} ${remedy}`;
 
-function entry({ name, severity }) {
+function entry({ code, severity }) {
   const [state, said] = SIGNS[severity] ?? SIGNS.warning;
-  return make("div", { class: "problem", "data-weight": state, "data-name": name },
+  return make("div", { class: "problem", "data-weight": state, "data-code": code },
     make("span", { class: "mark", "data-state": state, "aria-hidden": "true" }),
     make("p", {}, make("span", { class: "unseen" }, said), make("span", { class: "what" }), " ", make("span", { class: "remedy" })));
 }

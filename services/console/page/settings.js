@@ -21,7 +21,7 @@ export function watchSettings(connection) {
     asking = true;
     out = waiting;
     waiting = {};
-    const { done, reply } = await connection.ask("perceive", { changes: out });
+    const { done, reply } = await connection.ask("change settings", { changes: out });
     const paths = Object.keys(out);
     out = {};
     asking = false;
@@ -81,7 +81,7 @@ export function watchSettings(connection) {
 
   async function defaults() {
     await settled();
-    const { done, reply } = await connection.ask("perceive", { from_defaults: true });
+    const { done, reply } = await connection.ask("change settings", { from_defaults: true });
     if (done) wrong([...controls.keys()], "");
     say(done ? "All settings have their defaults." : reply);
   }

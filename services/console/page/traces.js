@@ -39,8 +39,8 @@ export function watchTraces(connection) {
   connection.on("marks", ({ marks }) => {
     for (const { what, t_s } of marks) if (what === "saccade" || what === "microsaccade") store.addSaccade({ t_s, kind: what });
   });
-  connection.on("status", ({ calibrating, running }) => {
-    const screen = calibrating?.screen ?? "none";
+  connection.on("status", ({ bridge, running }) => {
+    const screen = bridge?.calibrating?.screen ?? "none";
     store.addScreen(now_s() - SCREEN_LATE_S, screen);
     if (!running && store.newest_s !== null && now_s() - store.newest_s > 2) for (const eye of EYES) nothing(eye);
   });

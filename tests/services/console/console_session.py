@@ -8,9 +8,9 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
-import msgspec
 import pytest
 import zmq
+from msgspec.structs import replace
 from websockets.exceptions import ConnectionClosed
 from websockets.frames import Close
 from websockets.sync.client import ClientConnection, connect
@@ -24,7 +24,9 @@ from entoptic.services.ipc.addresses import Addresses
 from entoptic.services.ipc.client import Reply
 from entoptic.services.ipc.handler import RequestHandler
 from entoptic.services.ipc.messages import DISPLAYED, PERCEIVED, SHOWN, EyeShown, LatencyMs, Picture, Shown, StepShown
-from entoptic.services.ipc.requests import BridgeRequest, GiveStatus, HostRequest, WorkerRequest
+from entoptic.services.ipc.requests import BridgeRequest, ChangeSettings, GiveStatus, HostRequest, WorkerRequest
+from entoptic.services.ipc.status import BridgeStatus, HostStatus, WorkerStatus, merged
+from entoptic.services.settings import Settings
 from entoptic.tracker_bridge.publisher import Publisher
 from entoptic.tracker_bridge.wire import (
     BlinkOffset,
@@ -62,12 +64,12 @@ def state(sequence: int, phase: Phase = Phase.TRACKING) -> EyeState:
     return EyeState(sequence, now_ns, one, one, Direction(3.0, -1.0, now_ns))
 
 
-def shown(frame: int, trouble: str | None = None) -> Shown:
+def shown(frame: int) -> Shown:
     eye = EyeShown("left", "tracking", (3.0, -1.0), (20.0, 12.0), 4.0, 0.9, 5.0, 5.0, 900.0)
     step = StepShown("glare", "window", True, "a lamp", 3.0, 12.0)
     return Shown(
         frame, frame / 24, time.monotonic_ns(), 32, 24, (eye,), (step,), 0.5, {"glare": 12.0}, None, 24.0, 23.9, 0,
-        LatencyMs(3.0, 8.0, 25.0), None, trouble,
+        LatencyMs(3.0, 8.0, 25.0), None,
     )  # fmt: skip
 
 
@@ -86,35 +88,50 @@ class MadeUpSession:
         self.frames.setsockopt(zmq.LINGER, 0)
         self.frames.bind(ANY)
         self.asked: list[Any] = []
-        self.bridge_data: dict[str, Any] = {"source": "made up", "rate_hz": 100.0, "clock_uncertainty_ms": 0.2}
-        self.worker_data: dict[str, Any] = {"scene": "nothing", "fps": 24.0, "reached_fps": 23.9, "dropped": 0}
-        self.host_data: dict[str, Any] = {"running": True, "started": "now", "processes": {}}
+        self.bridge = BridgeStatus(source="made up", rate_hz=100.0, clock_uncertainty_ms=0.2)
+        self.worker = WorkerStatus(scene="nothing", fps=24.0, reached_fps=23.9, dropped=0, revision=1)
+        self.is_over = False
         self.refusal: str | None = None
-        self.trouble: str | None = None
         self.phase = Phase.TRACKING
         self.frame_px = (64, 48)
         self.wanted: set[bytes] = set()
-        kinds = ((BridgeRequest, "bridge_data"), (WorkerRequest, "worker_data"), (HostRequest, "host_data"))
+        kinds = ((BridgeRequest, "bridge"), (WorkerRequest, "worker"), (HostRequest, "host_status"))
         self.controls = [
-            RequestHandler(ANY, kind, lambda asked, data=data: self._answer(asked, data), None, self.context)
-            for kind, data in kinds
+            RequestHandler(ANY, kind, lambda asked, name=name: self._answer(asked, name), None, self.context)
+            for kind, name in kinds
         ]
         states, events = self.publisher.addresses
         bridge, worker, self.host = (control.address for control in self.controls)
         at = self.frames.getsockopt_string(zmq.LAST_ENDPOINT)
         silent = "tcp://127.0.0.1:9"
         self.addresses = Addresses(states, events, "", bridge, silent, silent, at, worker)
-        self.host_data["addresses"] = msgspec.to_builtins(self.addresses)
         self._stop = threading.Event()
         self.frame = 0
         self._thread = threading.Thread(target=self._run, daemon=True)
         self._thread.start()
 
-    def _answer(self, asked: Any, data: str) -> Reply:
+    @property
+    def host_status(self) -> HostStatus:
+        if self.is_over:
+            return HostStatus()
+        return HostStatus(
+            running=True, state="running", started="now", addresses=self.addresses, bridge=self.bridge,
+            worker=self.worker, problems=merged(self.bridge.problems, self.worker.problems),
+        )  # fmt: skip
+
+    def _answer(self, asked: Any, name: str) -> Reply:
         if isinstance(asked, GiveStatus):
-            return Reply(True, "", getattr(self, data))
+            return Reply(True, "", getattr(self, name))
         self.asked.append(asked)
-        return Reply(True, "as you wish") if self.refusal is None else Reply(False, self.refusal)
+        if self.refusal is not None:
+            return Reply(False, self.refusal)
+        if isinstance(asked, ChangeSettings):
+            self.set(asked.settings)
+            return Reply(True, "from the next frame on", self.worker.revision)
+        return Reply(True, "as you wish")
+
+    def set(self, settings: Settings) -> None:
+        self.worker = replace(self.worker, settings=settings, revision=self.worker.revision + 1)
 
     def _run(self) -> None:
         sequence = 0
@@ -142,7 +159,7 @@ class MadeUpSession:
             said = self.frames.recv()
             (self.wanted.add if said[:1] == b"\x01" else self.wanted.discard)(said[1:])
         self.frame += 1
-        self.frames.send_multipart([SHOWN, messages.encode(shown(self.frame, self.trouble))])
+        self.frames.send_multipart([SHOWN, messages.encode(shown(self.frame))])
         for topic in (PERCEIVED, DISPLAYED):
             if topic in self.wanted:
                 self.frames.send_multipart([topic, messages.encode(picture(self.frame, *self.frame_px))])
@@ -217,5 +234,5 @@ class Visitor:
     def ask(self, do: str, **more: Any) -> dict[str, Any]:
         self._id += 1
         number = self._id
-        self.socket.send(json.dumps({"do": do, "id": number, **more}))
+        self.socket.send(json.dumps({"id": number, "request": {"do": do, **more}}))
         return self.until("reply", lambda message: message["re"] == number)

@@ -66,7 +66,7 @@ def test_a_server_that_feeds_no_pages_any_more_ends(attached: Served, monkeypatc
         monkeypatch.setattr(Live, "status", broken)
         page.read_to_the_end()
     wait_for(lambda: not attached.server.lives, "the server's end")
-    assert attached.server.trouble == "too many open files"
+    assert attached.server.failure == "too many open files"
     assert health(attached) != 200
 
 
@@ -79,7 +79,7 @@ def test_a_thread_that_broke_ends_the_server_too(attached: Served, monkeypatch: 
         monkeypatch.setattr(Figures, "add_state", broken)
         page.read_to_the_end()
     wait_for(lambda: not attached.server.lives, "the server's end")
-    assert attached.server.trouble == "out of memory"
+    assert attached.server.failure == "out of memory"
 
 
 def test_links_that_lead_out_are_left_out_and_the_rest_is_listed(tmp_path: Path) -> None:

@@ -11,14 +11,15 @@ from typing import Any
 import msgspec
 import pytest
 from console_session import PATIENCE_S, MadeUpSession, Served, Visitor, wait_for
+from msgspec.structs import replace
 from PIL import Image
 from websockets.sync.client import connect
 
-from entoptic.services.console import live
+from entoptic.services.process_config import PageConfig, PageLinks, ServerConfig
 from entoptic.services.console.live import Places
 from entoptic.services.ipc import requests as asked
 from entoptic.services.ipc.messages import DISPLAYED, PERCEIVED
-from entoptic.services.process_config import PageConfig, PageLinks, ServerConfig
+from entoptic.services.ipc.status import WorkerStatus, problem
 from entoptic.services.settings import Settings, changed, load
 from entoptic.tracker_bridge.wire import Phase
 
@@ -29,7 +30,7 @@ def test_a_page_gets_all_it_needs_at_once(attached: Served) -> None:
         kinds = [message["type"] for message in page.messages]
     assert kinds[:4] == ["hello", "fields", "settings", "status"]
     hello, fields, settings, _ = page.messages[:4]
-    assert hello["version"] == 1
+    assert hello["version"] == 2
     assert not hello["hosted"]
     assert fields["fields"][0]["path"] == "observer.age_years"
     assert settings["settings"]["observer"]["age_years"] == 30.0
@@ -51,7 +52,7 @@ def test_traces_marks_and_figures_arrive(attached: Served) -> None:
         frame = page.until("shown")
         assert frame["plan"][0]["effect"] == "glare"
         status = page.until("status", lambda message: message["latency"] and message["states_hz"] > 50)
-        assert status["source"] == "made up"
+        assert status["bridge"]["source"] == "made up"
         assert status["latency"]["p50_ms"] == pytest.approx(36.0)
         assert sum(status["latency"]["counts"]) > 0
         assert status["problems"] == []
@@ -82,21 +83,21 @@ def test_pictures_are_made_for_those_who_look_and_for_nobody_else(attached: Serv
 def test_settings_act_at_once_and_all_pages_hear_of_it(attached: Served, session: MadeUpSession) -> None:
     with attached.page() as page, attached.page() as other:
         page.until("status", lambda message: message["running"])
-        assert page.ask("perceive", changes={"observer.age_years": 61})["done"]
+        assert page.ask("change settings", changes={"observer.age_years": 61})["done"]
         told = other.until("settings", lambda message: message["settings"]["observer"]["age_years"] == 61)
         assert told["because_of"] is None
-        assert session.asked[-1].settings["observer"]["age_years"] == 61
-        refused = page.ask("perceive", changes={"observer.age_years": 610})
+        assert session.asked[-1].settings.observer.age_years == 61
+        refused = page.ask("change settings", changes={"observer.age_years": 610})
         assert not refused["done"]
         assert "observer.age_years" in refused["reply"]
         session.refusal = "not now"
-        assert page.ask("perceive", changes={"observer.age_years": 62})["reply"] == "not now"
+        assert page.ask("change settings", changes={"observer.age_years": 62})["reply"] == "not now"
         assert attached.console.live.settings.observer.age_years == 61
 
 
 def test_an_observer_is_kept_and_loaded_again(attached: Served, session: MadeUpSession) -> None:
     with attached.page() as page:
-        assert page.ask("perceive", changes={"observer.particles": 1500, "glare.level": "veil"})["done"]
+        assert page.ask("change settings", changes={"observer.particles": 1500, "glare.level": "veil"})["done"]
         assert page.ask("save observer", name="anna")["done"]
         assert load(attached.observers / "anna.toml").observer.particles == 1500
         again = page.ask("save observer", name="anna")
@@ -107,7 +108,7 @@ def test_an_observer_is_kept_and_loaded_again(attached: Served, session: MadeUpS
             refused = page.ask("save observer", name=name)
             assert not refused["done"], name
         assert [path.name for path in attached.observers.iterdir()] == ["anna.toml"]
-        assert page.ask("perceive", from_defaults=True)["done"]
+        assert page.ask("change settings", from_defaults=True)["done"]
         assert page.ask("load observer", name="anna")["done"]
         told = page.until("settings", lambda message: message["observer"] == "anna")
         assert told["settings"]["observer"]["particles"] == 1500
@@ -118,8 +119,10 @@ def test_an_observer_is_kept_and_loaded_again(attached: Served, session: MadeUpS
 def test_what_cannot_be_read_is_answered_and_nothing_breaks(attached: Served) -> None:
     with attached.page() as page:
         for bad in (
-            "", "nonsense", "[]", "{}", '{"do": "fly", "id": 1}', '{"do": "stop"}', '{"do": "stop", "id": -1}',
-            '{"do": "stop", "id": 1, "more": 2}', "[" * 30_000, '{"do": "stop", "id": 1e400}', "\U0001f600" * 9000,
+            "", "nonsense", "[]", "{}", '{"request": {"do": "fly"}, "id": 1}', '{"request": {"do": "stop session"}}',
+            '{"request": {"do": "stop session"}, "id": -1}', '{"request": {"do": "stop session", "more": 2}, "id": 1}',
+            '{"request": {"do": "start recording", "folder": "/", "start_ns": 0}, "id": 1}',
+            "[" * 30_000, '{"request": {"do": "stop session"}, "id": 1e400}', "\U0001f600" * 9000,
             b"\x00\xff", b"",
         ):  # fmt: skip
             page.socket.send(bad)
@@ -140,8 +143,8 @@ def test_a_message_that_is_too_long_ends_the_connection(attached: Served) -> Non
 def test_start_and_record_are_the_hosts(hosted: Served, session: MadeUpSession, attached: Served) -> None:
     with hosted.page() as page:
         page.until("status", lambda message: message["running"])
-        assert page.ask("perceive", changes={"observer.age_years": 44})["done"]
-        assert page.ask("start", config={"eyes": {"source": "capture"}})["done"]
+        assert page.ask("change settings", changes={"observer.age_years": 44})["done"]
+        assert page.ask("start session", config={"eyes": {"source": "capture"}})["done"]
         start = session.asked[-1]
         assert isinstance(start, asked.StartSession)
         assert start.config.eyes.source == "capture"
@@ -149,13 +152,13 @@ def test_start_and_record_are_the_hosts(hosted: Served, session: MadeUpSession, 
         assert page.ask("record", name="one")["done"]
         assert session.asked[-1] == asked.Record("one")
         assert page.ask("stop record")["done"]
-        assert page.ask("stop")["done"]
+        assert page.ask("stop session")["done"]
         assert session.asked[-1] == asked.StopSession()
-        assert "view.fov_deg" in page.ask("start", config={"view": {"fov_deg": 0}})["reply"]
+        assert "view.fov_deg" in page.ask("start session", config={"view": {"fov_deg": 0}})["reply"]
         session.refusal = "the scene is not there"
-        assert page.ask("start", config={})["reply"] == "the scene is not there"
+        assert page.ask("start session", config={})["reply"] == "the scene is not there"
     with attached.page() as page:
-        assert not page.ask("start", config={})["done"]
+        assert not page.ask("start session", config={})["done"]
 
 
 def test_calibrations_and_the_trackers_tasks_are_the_bridges(attached: Served, session: MadeUpSession) -> None:
@@ -168,14 +171,14 @@ def test_calibrations_and_the_trackers_tasks_are_the_bridges(attached: Served, s
         assert calibrate.eyes == "left"
         for do, expected in (
             ("stop calibrating pupils", asked.StopCalibratingPupils()),
-            ("calibrate gaze", asked.StartCalibration()),
-            ("stop calibrating gaze", asked.StopCalibration()),
-            ("stop record tracker", asked.StopRecording()),
+            ("start calibration", asked.StartCalibration()),
+            ("stop calibration", asked.StopCalibration()),
+            ("stop tracker recording", asked.StopTrackerRecording()),
         ):
             assert page.ask(do)["done"]
             assert session.asked[-1] == expected
-        assert page.ask("record tracker", name="r")["done"]
-        assert session.asked[-1] == asked.StartRecording("r")
+        assert page.ask("start tracker recording", name="r")["done"]
+        assert session.asked[-1] == asked.StartTrackerRecording("r")
         assert "display" in page.ask("start screens")["reply"]
 
 
@@ -196,7 +199,7 @@ def test_a_lost_pupil_is_said_and_so_is_its_return(attached: Served, session: Ma
     with attached.page() as page:
         session.phase = Phase.LOST
         problem = page.until("status", lambda message: message["problems"])["problems"][0]
-        assert problem["name"].startswith("pupil lost")
+        assert problem["code"].startswith("pupil lost")
         assert problem["severity"] == "error"
         session.phase = Phase.TRACKING
         page.until("status", lambda message: not message["problems"])
@@ -205,67 +208,74 @@ def test_a_lost_pupil_is_said_and_so_is_its_return(attached: Served, session: Ma
 def test_a_host_that_vanishes_is_said(serve: Callable[..., Served]) -> None:
     with serve(Places("tcp://127.0.0.1:9")).page() as page:
         problems = page.until("status", lambda message: message["problems"])["problems"]
-    assert [problem["name"] for problem in problems] == ["host gone"]
+    assert [problem["code"] for problem in problems] == ["host gone"]
+
+
+def codes(message: dict[str, Any]) -> list[str]:
+    return [one["code"] for one in message["problems"]]
 
 
 def test_it_follows_a_session_that_begins_later(hosted: Served, session: MadeUpSession) -> None:
-    session.host_data = {"running": False}
+    session.is_over = True
+    session.set(settings_of(77.0, 100))
     with hosted.page() as page:
-        page.until("status", lambda message: [one["name"] for one in message["problems"]] == ["nothing runs"])
-        session.host_data = {
-            "running": True,
-            "started": "then",
-            "config": {"settings": {"observer": {"age_years": 77.0}}},
-            "addresses": {name: getattr(session.addresses, name) for name in session.addresses.__struct_fields__},
-        }
+        page.until("status", lambda message: codes(message) == ["nothing runs"])
+        session.is_over = False
         page.until("settings", lambda message: message["settings"]["observer"]["age_years"] == 77)
         page.until("traces", lambda message: message["t_s"])
         page.until("shown")
 
 
 def test_what_was_wrong_with_a_session_ends_with_it(hosted: Served, session: MadeUpSession) -> None:
-    session.host_data["state"] = "running"
-    session.trouble = "disk full"
+    full = problem("disk full", "error", "the recording ended", "make room")
+    session.worker = replace(session.worker, problems=(full,))
     with hosted.page() as page:
-        told = page.until("status", lambda message: any(one["name"] == "worker trouble" for one in message["problems"]))
-        assert told["state"] == "running"
-        session.host_data = {"running": False, "state": "idle"}
-        page.until("status", lambda message: [one["name"] for one in message["problems"]] == ["nothing runs"])
+        status = page.until("status", lambda message: codes(message) == ["disk full"])
+        assert status["host"]["state"] == "running"
+        session.is_over = True
+        page.until("status", lambda message: codes(message) == ["nothing runs"])
 
 
-def settings_of(age_years: float, particles: int) -> dict[str, Any]:
-    changes = {"observer.age_years": age_years, "observer.particles": particles}
-    return msgspec.to_builtins(changed(Settings(), changes), order="deterministic")  # type: ignore[no-any-return]
+def settings_of(age_years: float, particles: int) -> Settings:
+    return changed(Settings(), {"observer.age_years": age_years, "observer.particles": particles})
 
 
-def test_a_server_started_in_mid_session_takes_the_settings_in_force_and_not_the_first_ones(
+def test_a_server_started_in_mid_session_takes_the_settings_in_force(
     serve: Callable[..., Served], session: MadeUpSession
 ) -> None:
-    session.host_data["config"] = {"settings": settings_of(40.0, 100)}
-    session.worker_data["settings"] = settings_of(66.0, 1500)
+    session.set(settings_of(66.0, 1500))
     # A slider that is moved before anybody has said anything changes that one setting alone.
     with serve(Places(session.host)).page() as page:
         page.until("status", lambda message: message["running"])
-        assert page.ask("perceive", changes={"observer.age_years": 67})["done"]
-        assert session.asked[-1].settings["observer"] == settings_of(67.0, 1500)["observer"]
-        session.worker_data["settings"] = session.asked[-1].settings
+        assert page.ask("change settings", changes={"observer.age_years": 67})["done"]
+        assert session.asked[-1].settings == settings_of(67.0, 1500)
     with serve(Places(session.host)).page() as page:
         page.until("settings", lambda message: message["settings"]["observer"]["age_years"] == 67)
-        assert page.ask("perceive", changes={"glare.level": "veil"})["done"]
-        told = page.until("settings", lambda message: message["because_of"] is not None)["settings"]
-        assert (told["observer"]["particles"], told["glare"]["level"]) == (1500, "veil")
+        assert page.ask("change settings", changes={"glare.level": "veil"})["done"]
+        settings = page.until("settings", lambda message: message["because_of"] is not None)["settings"]
+        assert (settings["observer"]["particles"], settings["glare"]["level"]) == (1500, "veil")
 
 
-def test_settings_that_the_worker_took_back_are_shown_as_it_has_them(
-    attached: Served, session: MadeUpSession, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(live, "SETTLED_S", 1.0)
-    session.worker_data["settings"] = settings_of(50.0, 100)
+def test_settings_that_the_worker_took_back_are_shown_as_it_has_them(attached: Served, session: MadeUpSession) -> None:
+    session.set(settings_of(50.0, 100))
     with attached.page() as page:
         page.until("settings", lambda message: message["settings"]["observer"]["age_years"] == 50)
-        assert page.ask("perceive", changes={"observer.particles": 4000})["done"]
+        assert page.ask("change settings", changes={"observer.particles": 4000})["done"]
         page.until("settings", lambda message: message["settings"]["observer"]["particles"] == 4000)
+        session.set(settings_of(50.0, 100))
         page.until("settings", lambda message: message["settings"]["observer"]["particles"] == 100)
+
+
+def test_what_a_worker_said_before_the_newest_change_is_not_taken_over(attached: Served) -> None:
+    live = attached.console.live
+    wait_for(lambda: live.revision == 1, "the worker's word")
+    live.use(settings_of(61.0, 100), "anna", 9)
+    live.take_over(WorkerStatus(settings=settings_of(50.0, 100), revision=8))
+    assert (live.settings.observer.age_years, live.observer) == (61.0, "anna")
+    live.take_over(WorkerStatus(settings=settings_of(61.0, 100), revision=10))
+    assert live.observer == "anna"
+    live.take_over(WorkerStatus(settings=settings_of(50.0, 100), revision=11))
+    assert (live.settings.observer.age_years, live.observer) == (50.0, None)
 
 
 @pytest.mark.parametrize("how", ["signal", "standard input"])

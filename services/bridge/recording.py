@@ -1,4 +1,4 @@
-"""What a live bridge keeps of a take: states.csv, events.csv, eyes/ and, when it ends, bridge.json.
+"""What a live bridge keeps of a recording: states.csv, events.csv, eyes/ and, when it ends, bridge.json.
 
 After a restart of the bridge the tables go on, what the tracker measured goes to eyes-2/, and so on.
 """
@@ -12,6 +12,7 @@ import msgspec
 
 from entoptic.atomic_file import write_json
 from entoptic.services.bridge.tables import STATES, Tables
+from entoptic.services.ipc.status import Problem
 from entoptic.services.results.folder import BRIDGE
 from entoptic.tracker_bridge.events import Event
 from entoptic.tracker_bridge.samples import NS_PER_S, EyeState, GazeSample, PupilSample
@@ -30,7 +31,7 @@ class StatesGap(msgspec.Struct, frozen=True):
 
 
 class BridgeSummary(msgspec.Struct, frozen=True):
-    """A bridge's last word on a take."""
+    """A bridge's summary of a recording."""
 
     source: str
     states: int
@@ -46,12 +47,12 @@ class BridgeSummary(msgspec.Struct, frozen=True):
     recordings: tuple[str, ...]
     """Folders of what the tracker measured, in order: more than one where the bridge was started again."""
     gaps: tuple[StatesGap, ...]
-    trouble: str | None
+    problem: Problem | None
     """Why it ended before it was told to."""
 
 
-class BridgeTake:
-    """One take. All but `close` raise OSError or RecordingError where something cannot be written."""
+class BridgeRecording:
+    """One recording. All but `close` raise OSError or RecordingError where something cannot be written."""
 
     def __init__(self, folder: Path, start_ns: int) -> None:
         self.folder, self.start_ns = folder, start_ns
@@ -60,7 +61,7 @@ class BridgeTake:
         self._first_s: float | None = None
         self._last_s: float | None = None
         self._gaps: list[StatesGap] = []
-        # A last word is of a take that has ended.
+        # A summary is of a recording that has ended.
         (folder / BRIDGE).unlink(missing_ok=True)
         self._recall()
         self._tables = Tables(folder, start_ns)
@@ -84,17 +85,17 @@ class BridgeTake:
         if isinstance(record, EyeState):
             self._count((record.t_ns - self.start_ns) / NS_PER_S)
 
-    def end(self, source: str, stalls: int, late_samples: int, trouble: str | None = None) -> BridgeSummary:
+    def end(self, source: str, stalls: int, late_samples: int, problem: Problem | None = None) -> BridgeSummary:
         """Makes all files whole."""
         try:
             self._recorder.close()
         finally:
             self._tables.close()
-            summary = self._summary(source, stalls, late_samples, trouble)
+            summary = self._summary(source, stalls, late_samples, problem)
             write_json(self.folder / BRIDGE, summary)
         return summary
 
-    def _summary(self, source: str, stalls: int, late_samples: int, trouble: str | None) -> BridgeSummary:
+    def _summary(self, source: str, stalls: int, late_samples: int, problem: Problem | None) -> BridgeSummary:
         lasted_s = 0.0 if self._first_s is None or self._last_s is None else self._last_s - self._first_s
         return BridgeSummary(
             source=source,
@@ -105,7 +106,7 @@ class BridgeTake:
             directions_beyond_90_deg=self._recorder.unwritable,
             recordings=tuple(path.name for path in _recordings(self.folder)),
             gaps=tuple(self._gaps),
-            trouble=trouble,
+            problem=problem,
         )
 
     def _count(self, t_s: float) -> None:

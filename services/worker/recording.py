@@ -1,4 +1,4 @@
-"""A take, from the worker's side: begun and ended at any time, and ended by itself where the disk is full."""
+"""A recording, from the worker's side: begun and ended at any time, and ended by itself where the disk is full."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ import structlog
 from entoptic.errors import EntopticError
 from entoptic.services.config import Save
 from entoptic.services.ipc.messages import LatencyMs
+from entoptic.services.ipc.status import Problem, unwritable
 from entoptic.services.rendering import Rendered
 from entoptic.services.results.finish import write_summary
 from entoptic.services.results.frames import Results
@@ -22,8 +23,8 @@ from entoptic.services.settings import Settings
 UNWRITABLE = (OSError, EntopticError)
 
 
-class WorkerTake:
-    """What is kept of a live session at present: nothing, or a take. Nothing is raised but by `begin`."""
+class WorkerRecording:
+    """What is kept of a live session at present: nothing, or a recording. Nothing is raised but by `begin`."""
 
     def __init__(self, log: structlog.typing.FilteringBoundLogger) -> None:
         self._log = log
@@ -32,16 +33,16 @@ class WorkerTake:
         self._goes_on = False
         self.start_ns = 0
         self.folder: str | None = None
-        self.trouble: str | None = None
-        """Why the last take ended before it was asked to."""
+        self.problem: Problem | None = None
+        """Why the last recording ended before it was asked to."""
 
     def begin(self, folder: str, start_ns: int, begun: Begun, save: frozenset[Save], heard: Heard) -> None:
         """Raises OSError or an EntopticError where nothing can be kept there."""
         # What a worker before this one heard went with it: then nothing is known of all of the take.
         self._goes_on = (Path(folder) / RENDER_LOG).exists()
         self._results = Results(Path(folder), begun, save, parts=True)
-        self.folder, self.start_ns, self.trouble, self._heard_before = folder, start_ns, None, heard
-        self._log.info("take begins", folder=folder)
+        self.folder, self.start_ns, self.problem, self._heard_before = folder, start_ns, None, heard
+        self._log.info("recording begins", folder=folder)
 
     @property
     def runs(self) -> bool:
@@ -51,29 +52,29 @@ class WorkerTake:
     def perceive(self, perception: Settings) -> None:
         """Settings change, from the next frame on."""
         if self._results is not None:
-            with self._ended_by_trouble():
+            with self._ended_by_problem():
                 self._results.perceive(perception)
 
     def add(self, rendered: Rendered, record: FrameRecord) -> None:
         """Keeps a frame."""
         if self._results is not None:
-            with self._ended_by_trouble():
+            with self._ended_by_problem():
                 self._results.add(rendered, record)
 
     def note(self, rendered: Rendered, latency: LatencyMs | None) -> None:
         """Keeps its row."""
         if self._results is not None:
-            with self._ended_by_trouble():
+            with self._ended_by_problem():
                 self._results.note(rendered, latency)
 
     def check(self) -> None:
         """Looks whether the files are still there; now and then."""
         if self._results is not None:
-            with self._ended_by_trouble():
+            with self._ended_by_problem():
                 self._results.check()
 
     def end(self, heard: Heard, warm_up_s: float | None) -> WorkerSummary | None:
-        """Makes all files whole; what is in them. None where nothing was kept or its last words cannot be written."""
+        """Makes all files whole; what is in them. None where nothing was recorded or the summary cannot be written."""
         results, self._results = self._results, None
         if results is None:
             return None
@@ -84,14 +85,14 @@ class WorkerTake:
                 pass
             write_summary(summary, results.folder)
         except UNWRITABLE as error:
-            self._say(error)
+            self._failed(error)
             return None
-        self._log.info("take ended", folder=self.folder, frames=summary.frames)
+        self._log.info("recording ended", folder=self.folder, frames=summary.frames)
         self.folder = None
         return summary
 
     @contextlib.contextmanager
-    def _ended_by_trouble(self) -> Iterator[None]:
+    def _ended_by_problem(self) -> Iterator[None]:
         try:
             yield
         except UNWRITABLE as error:
@@ -99,12 +100,11 @@ class WorkerTake:
             assert results is not None
             with contextlib.suppress(*UNWRITABLE), results:
                 pass
-            self._say(error)
+            self._failed(error)
 
-    def _say(self, error: Exception) -> None:
-        why = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
-        self.trouble = f"the take in {self.folder} ended: {why}; what it had is kept; make room, then begin another"
-        self._log.error("take ended", folder=self.folder, trouble=self.trouble)
+    def _failed(self, error: Exception) -> None:
+        self.problem = unwritable(self.folder or "", error)
+        self._log.error("recording failed", folder=self.folder, error=str(self.problem))
         self.folder = None
 
 
