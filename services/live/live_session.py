@@ -17,7 +17,6 @@ from typing import Any, Final
 from msgspec.structs import replace
 
 from entoptic.services import recording
-from entoptic.services.process_config import BridgeConfig, WorkerLinks
 from entoptic.services.ipc.addresses import Addresses, free_addresses
 from entoptic.services.ipc.client import Context, Reply
 from entoptic.services.ipc.status import BridgeStatus, Gap, Problem, WorkerStatus, merged, problem
@@ -25,6 +24,7 @@ from entoptic.services.ipc.status_poll import StatusPoll
 from entoptic.services.live.journal import Journal
 from entoptic.services.live.recorder import Recorder
 from entoptic.services.live.supervised import Supervised
+from entoptic.services.process_config import BridgeConfig, WorkerLinks
 from entoptic.services.results import session_file
 from entoptic.services.results.folder import ResultsFolderError
 from entoptic.services.session_config import OpenedSession, WorkerConfig

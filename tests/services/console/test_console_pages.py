@@ -15,11 +15,11 @@ from msgspec.structs import replace
 from PIL import Image
 from websockets.sync.client import connect
 
-from entoptic.services.process_config import PageConfig, PageLinks, ServerConfig
 from entoptic.services.console.live import Places
 from entoptic.services.ipc import requests as asked
 from entoptic.services.ipc.messages import DISPLAYED, PERCEIVED
 from entoptic.services.ipc.status import WorkerStatus, problem
+from entoptic.services.process_config import PageConfig, PageLinks, ServerConfig
 from entoptic.services.settings import Settings, changed, load
 from entoptic.tracker_bridge.wire import Phase
 
