@@ -96,7 +96,9 @@ def test_a_take_has_the_settings_and_the_pupil_map_of_its_own_time(tmp_path: Pat
     kept = session_file.read(folder)
     assert msgspec.convert(settings, Settings) == kept.config.settings == now.config.settings
     assert {one.what for one in kept.inputs} == {"tone curve", "pupil map"}
-    assert takes.summary_of(kept, takes.HostNotes(), finish(folder))["config"]["settings"]["observer"]["age_years"] == 71.0
+    assert (
+        takes.summary_of(kept, takes.HostNotes(), finish(folder))["config"]["settings"]["observer"]["age_years"] == 71.0
+    )
     # Those of the start where nobody says anything else.
     assert takes.as_of_now(opened, None, BridgeStatus()) == opened
 
