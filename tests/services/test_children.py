@@ -91,7 +91,7 @@ def journal(tmp_path: Path) -> Journal:
 
 
 @pytest.mark.slow
-def test_a_killed_process_is_started_anew_and_the_gap_is_noted(journal: Journal) -> None:
+def test_a_killed_process_is_started_again_and_the_gap_is_noted(journal: Journal) -> None:
     one = Supervised("bridge", lambda: BRIDGE, "ready", journal)
     one.start()
     step_until(one, lambda: one.is_ready)
@@ -102,7 +102,7 @@ def test_a_killed_process_is_started_anew_and_the_gap_is_noted(journal: Journal)
     assert one.gaps[0].to_ns is None
     step_until(one, lambda: one.is_ready)
     assert one.pid != first
-    assert (one.started_anew, len(one.gaps)) == (1, 1)
+    assert (one.restarts_count, len(one.gaps)) == (1, 1)
     gap = one.gaps[0]
     assert gap.to_ns is not None
     assert gap.to_ns - gap.from_ns > 0.2e9
@@ -117,7 +117,7 @@ def test_one_that_crashes_again_and_again_is_given_up(journal: Journal) -> None:
     one = Supervised("bridge", lambda: NOWHERE, "ready", journal)
     one.start()
     step_until(one, lambda: one.state == "failed")
-    assert one.started_anew == 4
+    assert one.restarts_count == 4
     assert one.last_error is not None
     assert "nowhere/ does not exist" in one.last_error
 
@@ -136,7 +136,7 @@ def test_one_that_does_not_stop_in_time_is_killed(journal: Journal) -> None:
     assert one.state == "stopped"
 
 
-def test_one_that_ends_by_itself_with_all_done_is_not_started_anew(journal: Journal) -> None:
+def test_one_that_ends_by_itself_with_all_done_is_not_started_again(journal: Journal) -> None:
     one = Supervised("bridge", lambda: BridgeConfig(seconds=0.1), "ready", journal)
     one.start()
     step_until(one, lambda: not one.lives)
