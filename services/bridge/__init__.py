@@ -1,8 +1,8 @@
 """The bridge process: publishes a source, and answers what it is asked.
 
 process.py     the process, from a source to its end
-desk.py        who answers a live bridge's requests
+handler.py     handles a live bridge's requests
 tracker_tasks.py  what a tracker can be asked to do by itself
-take.py        what a live bridge keeps of a take; tables.py: states.csv and events.csv
+recording.py   what a live bridge records; tables.py: states.csv and events.csv
 scene_light.py the scene's light, for simulated eyes
 """

@@ -46,7 +46,7 @@ class Figures:
     def add_shown(self, shown: Shown, now_s: float) -> None:
         """A frame that came now."""
         if self.shown is not None and shown.frame < self.shown.frame:
-            self._frames.clear()  # another worker, which counts anew
+            self._frames.clear()  # another worker, which counts again
         self.shown, self.shown_s = shown, now_s
         self._frames.append((now_s, shown.frame, shown.dropped))
         if shown.latency is not None:

@@ -69,9 +69,9 @@ def _sources(inputs: Path | None, root: Path) -> Iterator[Listed]:
     for label, path in _below(inputs):
         if _is_recording(path) or (path.is_file() and path.suffix.lower() in _TABLES):
             yield Listed(str(path), label, _when(path))
-    for take in sorted(_in(root), reverse=True):
-        if _is_recording(take / "eyes"):
-            yield Listed(str((take / "eyes").resolve()), f"Eyes of session {take.name}", _when(take))
+    for session in sorted(_in(root), reverse=True):
+        if _is_recording(session / "eyes"):
+            yield Listed(str((session / "eyes").resolve()), f"Eyes of session {session.name}", _when(session))
 
 
 def _sessions(root: Path) -> Iterator[Listed]:

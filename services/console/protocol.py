@@ -236,7 +236,7 @@ class Bye(_Message, frozen=True, tag="bye"):
 
     reason: str
     again: bool
-    """Whether to try to connect again: the server is being started anew, or this page was too slow."""
+    """Whether to try to connect again: the server is being started again, or this page was too slow."""
 
 
 Message = Hello | Fields | SettingsNow | Traces | Marks | ShownNow | StatusNow | Replied | Bye

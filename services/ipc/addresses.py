@@ -9,7 +9,7 @@ import msgspec
 
 
 class Addresses(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """ZeroMQ addresses. They stay the same when a process is started anew, so that all others find it again."""
+    """ZeroMQ addresses. They stay the same when a process is started again, so that all others find it again."""
 
     states: str
     events: str

@@ -200,7 +200,7 @@ class EngineFrame(msgspec.Struct, frozen=True):
 
 
 class EngineKernel(msgspec.Struct, frozen=True):
-    """A glare kernel (topic `kernel`): when it changes, and anew whenever somebody subscribes.
+    """A glare kernel (topic `kernel`): when it changes, and again whenever somebody subscribes.
 
     What a pixel of white light becomes. A pixel keeps `stays_rgb` of its light, those around it get `rgb`·`scale`, and
     the veil takes `veil_share`; these add up to 1 in each channel, so a plain wall stays as it is in any colour.

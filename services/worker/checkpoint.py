@@ -1,4 +1,4 @@
-"""What a live worker takes along, kept on disk so that one started anew goes on where the last one was.
+"""What a live worker takes along, kept on disk so that one that is started again goes on where the last one was.
 
 Written about once a second, in one step, so that there is always a whole one. What a worker cannot use, it ignores:
 a file of another scene or view, of another version or from before the machine was started, or a broken one.

@@ -1,7 +1,7 @@
 """The pipeline process that keeps the clock: frames when they are due, for whoever watches, and into recordings.
 
 Theory of operation: one loop, and a thread that listens (requests.py). Frame k is due at zero_ns + k/fps of the
-machine's monotonic clock; those whose time has passed are left out. A worker that is started anew reads what the last
+machine's monotonic clock; those whose time has passed are left out. A worker that is started again reads what the last
 one remembered (checkpoint.py) and goes on with the frame that is due now: to the eyes it was one long frame.
 """
 
@@ -32,7 +32,7 @@ from entoptic.services.process import Stop, cache_folder
 from entoptic.services.process_config import WorkerLinks
 from entoptic.services.reader import StateReader
 from entoptic.services.rendering import Rendered, Rendering, frames_known, gaze_deg, kicks_of
-from entoptic.services.results import finish as takes
+from entoptic.services.results import finish
 from entoptic.services.results.render_log import FrameRecord, begin
 from entoptic.services.results.tally import Heard, WorkerSummary
 from entoptic.services.session_config import EYES, WorkerConfig, open_view, view_of
@@ -297,7 +297,7 @@ class LiveWorker:
     def _after_frame(self, frame: int, frames: int | None) -> None:
         if self._preparing:
             if self._warm_up_s is None:
-                # Started anew: whatever the first frame calls for is loaded by now.
+                # Started again: whatever the first frame calls for is loaded by now.
                 self._log.info("prepared", seconds=None)
             self._log.info("first frame", frame=frame, t_s=round(self._t_s, 3))
             self._preparing = False
@@ -362,7 +362,7 @@ def run(config: WorkerConfig, stop: Stop, log: structlog.typing.FilteringBoundLo
         )
         summary = worker.run(requests)
     if links.out is not None:
-        takes.finish(Path(links.out))
+        finish.finish(Path(links.out))
     log.info("ended", **({} if summary is None else msgspec.to_builtins(summary)))
 
 

@@ -2,7 +2,7 @@
 
 Theory of operation: one XPUB socket. Its queue for each reader is short and a full one is passed over, so whoever reads
 slowly misses messages, and nobody else notices. What is subscribed is looked at once a frame; a new subscriber of
-`kernel` gets the kernels anew, which are otherwise sent only when they change, and before the frame that uses them.
+`kernel` gets the kernels again, which are otherwise sent only when they change, and before the frame that uses them.
 
 Memory: for a reader that has stalled QUEUE messages, which it shares with others that stalled at the same time, beside
 what the kernel buffers for a connection.
@@ -77,8 +77,8 @@ class LivePublisher:
         self._connected: set[int] = set()
         self._topics: dict[bytes, set[bytes]] = {topic: set() for topic in messages.TOPICS}
         """Of each topic: the prefixes of it that are subscribed."""
-        self._kernels_anew = False
-        # A worker that is started anew gives other numbers: a reader may still have the last one's kernels.
+        self._kernels_again = False
+        # A worker that is started again gives other numbers: a reader may still have the last one's kernels.
         self._numbers = engine.KernelNumbers(time.monotonic_ns() // 1_000_000)
         self._sent: dict[Eye, int] = {}
         """The numbers of the kernels that were sent last."""
@@ -163,11 +163,11 @@ class LivePublisher:
         ]
         if self.wants(messages.KERNEL):
             for eye, held in self._numbers.held.items():
-                if self._kernels_anew or self._sent.get(eye) != held.number:
+                if self._kernels_again or self._sent.get(eye) != held.number:
                     kernel = engine.engine_kernel(held, eye, rendered.frame.view.ppd_centre)
                     self._send(messages.KERNEL, kernel)
                     self._sent[eye] = held.number
-            self._kernels_anew = False
+            self._kernels_again = False
         if self.wants(messages.ENGINE):
             frame = engine.engine_frame(rendered, eyes, settings, settings.display, numbers, t_ns)
             self._send(messages.ENGINE, frame)
@@ -194,7 +194,7 @@ class LivePublisher:
                 continue
             if kind == b"\x01":
                 prefixes.add(prefix)
-                self._kernels_anew |= topic == messages.KERNEL
+                self._kernels_again |= topic == messages.KERNEL
             elif kind == b"\x00":
                 prefixes.discard(prefix)
 

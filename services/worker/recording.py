@@ -38,7 +38,7 @@ class WorkerRecording:
 
     def begin(self, folder: str, start_ns: int, begun: Begun, save: frozenset[Save], heard: Heard) -> None:
         """Raises OSError or an EntopticError where nothing can be kept there."""
-        # What a worker before this one heard went with it: then nothing is known of all of the take.
+        # What a worker before this one heard went with it: then nothing is known of all of the recording.
         self._goes_on = (Path(folder) / RENDER_LOG).exists()
         self._results = Results(Path(folder), begun, save, parts=True)
         self.folder, self.start_ns, self.problem, self._heard_before = folder, start_ns, None, heard
