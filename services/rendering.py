@@ -16,7 +16,7 @@ from entoptic.tracker_bridge.wire import NS_PER_S, Direction, Eye, EyeState, Sac
 
 FRESH_NS = 100_000_000
 """An eye's own direction of gaze older than this gives way to that of both eyes."""
-KICK_LASTS_NS = 2_000_000_000
+IMPULSE_LASTS_NS = 2_000_000_000
 """A saccade that was over before moves the vitreous no more: a hundredth of its lag is left."""
 FARTHEST_DEG = 90.0
 """No eye turns farther in its socket: a longer saccade is a glitch of the tracker, and moves nothing."""
@@ -29,7 +29,7 @@ class Rendered:
     frame_number: int
     t_s: float
     state: EyeState | None
-    looking: tuple[EyePose, ...]
+    poses: tuple[EyePose, ...]
     frame: Frame
     perceived: Perceived
     scene_ms: float
@@ -67,10 +67,10 @@ class Rendering:
         frame = self._scene.frame(t_s, self._view, head, self._eyes)
         frame.rgb_cd_m2.block_until_ready()
         scene_ms = (time.perf_counter() - begun) * 1e3
-        looking = tuple(looking_of(state, eye, impulses) for eye in self._eyes)
-        perceived = _perceive(frame, looking, self.perception, self.memory, dt_s, self.costs)
+        poses = tuple(pose_of(state, eye, impulses) for eye in self._eyes)
+        perceived = _perceive(frame, poses, self.perception, self.memory, dt_s, self.costs)
         self.memory = perceived.state
-        return Rendered(frame_number, t_s, state, looking, frame, perceived, scene_ms)
+        return Rendered(frame_number, t_s, state, poses, frame, perceived, scene_ms)
 
     def correct(self, timings: Iterable[Timing]) -> None:
         """Lets the costs follow what a frame took."""
@@ -90,7 +90,7 @@ class Rendering:
         return time.perf_counter() - begun
 
 
-def looking_of(state: EyeState | None, eye: Eye, impulses: tuple[SaccadeImpulse, ...] = ()) -> EyePose:
+def pose_of(state: EyeState | None, eye: Eye, impulses: tuple[SaccadeImpulse, ...] = ()) -> EyePose:
     """How one eye looks, by the bridge's word: its own gaze while that is fresh, its last trusted pupil, its lids.
 
     Both eyes make their saccades together: `impulses` are the same for both. Lids of which nothing is known are open.
@@ -116,19 +116,19 @@ def gaze_deg(state: EyeState | None) -> tuple[float, float] | None:
     return None if state is None or state.gaze is None else (state.gaze.azimuth_deg, state.gaze.elevation_deg)
 
 
-def kicks_of(saccades: Iterable[SaccadeOffset], t_ns: int) -> tuple[SaccadeImpulse, ...]:
+def impulses_of(saccades: Iterable[SaccadeOffset], t_ns: int) -> tuple[SaccadeImpulse, ...]:
     """How the eyes turned, for a frame at `t_ns` of the bridge's clock."""
     return tuple(
         SaccadeImpulse(saccade.azimuth_deg, saccade.elevation_deg, max(t_ns - saccade.offset_ns, 0) / NS_PER_S)
         for saccade in saccades
-        if t_ns - saccade.offset_ns <= KICK_LASTS_NS
+        if t_ns - saccade.offset_ns <= IMPULSE_LASTS_NS
         and max(abs(saccade.azimuth_deg), abs(saccade.elevation_deg)) <= FARTHEST_DEG
     )
 
 
 def _perceive(
     frame: Frame,
-    looking: tuple[EyePose, ...],
+    poses: tuple[EyePose, ...],
     perception: Settings,
     memory: RenderState | None,
     dt_s: float,
@@ -136,7 +136,7 @@ def _perceive(
 ) -> Perceived:
     return perceive(
         frame,
-        looking,
+        poses,
         observer=perception.observer,
         display=perception.display,
         state=memory,

@@ -53,7 +53,7 @@ def write(path: Path, subject: Subject, explained: Explained, timeline: Timeline
 def _images(part: SubFigure, subject: Subject, explained: Explained) -> None:
     planned, view = explained.planned, subject.frame.view
     seen, light, apart = part.subplots(1, 3)
-    gazes = [view.pixel_of(eye.azimuth_deg, eye.elevation_deg) for eye in subject.looking]
+    gazes = [view.pixel_of(eye.azimuth_deg, eye.elevation_deg) for eye in subject.poses]
     # Both eyes' images lie beside each other.
     gaze_px = [(x_px + k * view.width_px, y_px) for k, (x_px, y_px) in enumerate(gazes)]
     lights_px = [

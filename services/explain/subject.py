@@ -31,7 +31,7 @@ class Subject:
 
     title: str
     frame: Frame
-    looking: tuple[EyePose, ...]
+    poses: tuple[EyePose, ...]
     """Of each eye."""
     settings: Settings
     adapted_cd_m2: tuple[float, ...] | None = None
@@ -44,7 +44,7 @@ class Subject:
         """As a person perceives it; planned as the settings say unless given otherwise."""
         return perceive(
             self.frame,
-            self.looking,
+            self.poses,
             observer=self.settings.observer,
             display=self.settings.display,
             state=None if self.adapted_cd_m2 is None else RenderState(self.adapted_cd_m2),
@@ -132,7 +132,7 @@ def from_session(folder: Path, frame_number: int | None, settings: Settings | No
     return Subject(
         f"{folder.name}, frame {number} at {float(row['t_s']):.2f} s",
         frame,
-        tuple(_looking(row, eye, frame.view) for eye in eyes),
+        tuple(_pose(row, eye, frame.view) for eye in eyes),
         used,
         tuple(float(row[eye + ADAPTED]) for eye in eyes),
         float(row["t_s"]),
@@ -161,7 +161,7 @@ def _row(path: Path, number: int) -> Mapping[str, str]:
     raise FrameError(f"{path} has no frame {number}; is the session whole?")
 
 
-def _looking(row: Mapping[str, str], name: str, view: View) -> EyePose:
+def _pose(row: Mapping[str, str], name: str, view: View) -> EyePose:
     right = (float(row[f"{name}_gaze_x_px"]) - view.width_px / 2) / view.focal_px
     up = (view.height_px / 2 - float(row[f"{name}_gaze_y_px"])) / view.focal_px
     azimuth = math.atan(right)

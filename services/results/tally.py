@@ -110,8 +110,8 @@ class Tally:
         cells: list[object] = [rendered.frame_number, f"{t_s:.6f}"]
         perceived = rendered.perceived
         for k, eye in enumerate(begun.eyes):
-            looking, measured = rendered.looking[k], perceived.measured[k]
-            x_px, y_px = rendered.frame.view.pixel_of(looking.azimuth_deg, looking.elevation_deg)
+            pose, measured = rendered.poses[k], perceived.measured[k]
+            x_px, y_px = rendered.frame.view.pixel_of(pose.azimuth_deg, pose.elevation_deg)
             phase = "none" if rendered.state is None else rendered.state.of(eye).phase.value
             cells += [phase, f"{perceived.pupil_mm[k]:.3f}", f"{x_px:.1f}", f"{y_px:.1f}"]
             light = (perceived.state.adapted_cd_m2[k], measured.mean_cd_m2, measured.max_cd_m2)

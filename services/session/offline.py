@@ -24,7 +24,7 @@ from entoptic.services import settings as settings_file
 from entoptic.services.bridge.tables import Tables
 from entoptic.services.eye_data import SIMULATED_SECONDS, open_eyes
 from entoptic.services.process import Stop
-from entoptic.services.rendering import Rendering, frames_known, gaze_deg, kicks_of
+from entoptic.services.rendering import Rendering, frames_known, gaze_deg, impulses_of
 from entoptic.services.report import page as report
 from entoptic.services.results import session_file
 from entoptic.services.results.finish import finish, write_summary
@@ -110,7 +110,7 @@ def _render(opened: OpenedSession, folder: Path, stop: Stop, work: Work) -> Outc
                 state = eyes.until(t_ns) or state
                 if work.frames is None and eyes.ended_ns is not None and t_ns > eyes.ended_ns:
                     break
-                dt_s, impulses = t_s - before_s, kicks_of(saccades, t_ns)
+                dt_s, impulses = t_s - before_s, impulses_of(saccades, t_ns)
                 head = path.step(t_s, dt_s, head, gaze_deg(state))
                 rendered = rendering.render(work.frame, t_s, dt_s, head, state, impulses)
                 results.add(rendered, FrameRecord(work.frame, t_s, dt_s, head, state, impulses, 0))

@@ -69,7 +69,7 @@ def engine_frame(
 
 
 def _eye(rendered: Rendered, k: int, eye: Eye, effects: Effects, display: Display, number: int) -> EngineEye:
-    perceived, looking, view = rendered.perceived, rendered.looking[k], rendered.frame.view
+    perceived, pose, view = rendered.perceived, rendered.poses[k], rendered.frame.view
     kernel = GLARE.prepared(perceived.eyes[k]).kernel
     plan, adapted = perceived.plan, perceived.state.adapted[k]
     adapted_cd_m2, target_cd_m2 = adapted.luminance_cd_m2, adapted.tone_target_cd_m2(effects.adaptation)
@@ -80,8 +80,8 @@ def _eye(rendered: Rendered, k: int, eye: Eye, effects: Effects, display: Displa
     method = effects.night_colour.method
     return EngineEye(
         eye=eye.name.lower(),
-        gaze_deg=(looking.azimuth_deg, looking.elevation_deg),
-        openness=looking.openness,
+        gaze_deg=(pose.azimuth_deg, pose.elevation_deg),
+        openness=pose.openness,
         blink=phase in (Phase.CLOSING, Phase.BLINK, Phase.OPENING),
         pupil_mm=perceived.pupil_mm[k],
         adapted_cd_m2=adapted_cd_m2,

@@ -31,7 +31,7 @@ from entoptic.services.ipc.status import Problem, WorkerStatus, problem, unwrita
 from entoptic.services.process import Stop, cache_folder
 from entoptic.services.process_config import WorkerLinks
 from entoptic.services.reader import StateReader
-from entoptic.services.rendering import Rendered, Rendering, frames_known, gaze_deg, kicks_of
+from entoptic.services.rendering import Rendered, Rendering, frames_known, gaze_deg, impulses_of
 from entoptic.services.results import finish
 from entoptic.services.results.render_log import FrameRecord, begin
 from entoptic.services.results.tally import Heard, WorkerSummary
@@ -220,8 +220,8 @@ class LiveWorker:
         newest = self._reader.newest()
         self._state = newest or (None if self._reader.silent_s > GONE_S else self._state)
         told = self._reader.saccades_heard()
-        kicked = self._rendering.perception.observer.ocular_dynamics.vitreous and self._state is not None
-        saccade_impulses = kicks_of(told, self._state.t_ns) if kicked and self._state is not None else ()
+        has_impulses = self._rendering.perception.observer.ocular_dynamics.vitreous and self._state is not None
+        saccade_impulses = impulses_of(told, self._state.t_ns) if has_impulses and self._state is not None else ()
         head = self._head_path.step(t_s, dt_s, self._head, gaze_deg(self._state))
         arguments = (frame, t_s, dt_s, head, self._state, saccade_impulses)
         before, (revision, settings) = self._rendering.perception, self._settings

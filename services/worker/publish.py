@@ -229,16 +229,16 @@ def picture(image: np.ndarray, rendered: Rendered, display: Display, t_ns: int) 
 
 def eye_shown(rendered: Rendered, k: int, eye: Eye) -> EyeShown:
     """One eye's figures."""
-    perceived, looking, view = rendered.perceived, rendered.looking[k], rendered.frame.view
-    gaze_px = view.pixel_of(looking.azimuth_deg, looking.elevation_deg)
+    perceived, pose, view = rendered.perceived, rendered.poses[k], rendered.frame.view
+    gaze_px = view.pixel_of(pose.azimuth_deg, pose.elevation_deg)
     in_window = GlareLevel.WINDOW.value in perceived.plan[GLARE.name].weights
     return EyeShown(
         eye=eye.name.lower(),
         phase="none" if rendered.state is None else rendered.state.of(eye).phase.value,
-        gaze_deg=(looking.azimuth_deg, looking.elevation_deg),
+        gaze_deg=(pose.azimuth_deg, pose.elevation_deg),
         gaze_px=gaze_px,
         pupil_mm=perceived.pupil_mm[k],
-        openness=looking.openness,
+        openness=pose.openness,
         adapted_cd_m2=perceived.state.adapted_cd_m2[k],
         mean_cd_m2=perceived.measured[k].mean_cd_m2,
         max_cd_m2=perceived.measured[k].max_cd_m2,

@@ -12,7 +12,7 @@ import pytest
 from hard_frames import EYE, FOV_DEG, SMALL, grey, see, textured
 
 from entoptic.pipeline import EyePose, Frame, Perceived, RenderState, View, perceive
-from entoptic.services.rendering import looking_of
+from entoptic.services.rendering import pose_of
 from entoptic.tracker_bridge.chain import records_of
 from entoptic.tracker_bridge.samples import Eye, EyeState, GazeSample, Phase, PupilSample
 from entoptic.tracker_bridge.source import Item
@@ -52,9 +52,9 @@ def session(told: Sequence[EyeState | None], fps: float = 10.0) -> list[Perceive
     """Both eyes' frames, each with the state that is told."""
     frame, seen = pair(), []
     for state in told:
-        looking = tuple(looking_of(state, eye) for eye in EYES)
+        poses = tuple(pose_of(state, eye) for eye in EYES)
         before = seen[-1].state if seen else None
-        seen.append(perceive(frame, looking, observer=SMALL, state=before, dt_s=1 / fps if seen else 0.0))
+        seen.append(perceive(frame, poses, observer=SMALL, state=before, dt_s=1 / fps if seen else 0.0))
     return seen
 
 
@@ -83,9 +83,9 @@ def test_both_eyes_lost_keep_what_was_last_known() -> None:
     seen = session(told)
     for eye in Eye:
         assert largest_change(seen, eye) <= 1
-        looking = looking_of(told[-1], eye)
-        assert looking.pupil_mm == pytest.approx(4.0, abs=0.01)
-        assert (looking.azimuth_deg, looking.elevation_deg) == (6.0, -2.0)
+        pose = pose_of(told[-1], eye)
+        assert pose.pupil_mm == pytest.approx(4.0, abs=0.01)
+        assert (pose.azimuth_deg, pose.elevation_deg) == (6.0, -2.0)
 
 
 @pytest.mark.parametrize("state", [None, *states(samples(0.3, dict.fromkeys(Eye, 0.0)))[-1:]])

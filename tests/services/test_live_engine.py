@@ -34,7 +34,7 @@ from entoptic.tracker_bridge.wire import Eye
 
 EXAMPLE = Path(__file__).parents[2] / "examples" / "engine_consumer.py"
 KINDS = (Picture, Shown, EngineFrame, EngineKernel)
-LOOKING = EyePose(6.0, -3.0, 4.0)
+POSE = EyePose(6.0, -3.0, 4.0)
 
 
 def asked(model: GlareModel, level: GlareLevel) -> Settings:
@@ -50,8 +50,8 @@ def room() -> Frame:
 
 
 def rendered_of(frame: Frame, wanted: Settings, state: RenderState | None = None) -> tuple[Rendered, Perceived]:
-    perceived = perceive(frame, LOOKING, effects=wanted, display=wanted.display, planning=wanted.plan, state=state)
-    return Rendered(1, 0.0, None, (LOOKING,), frame, perceived, 0.0), perceived
+    perceived = perceive(frame, POSE, effects=wanted, display=wanted.display, planning=wanted.plan, state=state)
+    return Rendered(1, 0.0, None, (POSE,), frame, perceived, 0.0), perceived
 
 
 def as_an_engine_shows_it(rendered: Rendered, wanted: Settings, folder: Path) -> np.ndarray:

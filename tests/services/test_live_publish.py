@@ -36,9 +36,9 @@ def rendered_of(width: int = 96, height: int = 80) -> Rendered:
     light = np.full((2, 3, height, width), 2.0, np.float32)
     light[:, :, height // 2, width // 2] = 20_000
     frame = Frame.from_rgb(light, 40.0)
-    looking = (EyePose(3.0, -2.0, 4.1, 0.7), EyePose(2.0, -2.0, 4.3, 0.7))
-    perceived = perceive(frame, looking, display=SETTINGS.display, effects=SETTINGS, planning=SETTINGS.plan)
-    return Rendered(7, 0.5, STATE, looking, frame, perceived, 5.0)
+    poses = (EyePose(3.0, -2.0, 4.1, 0.7), EyePose(2.0, -2.0, 4.3, 0.7))
+    perceived = perceive(frame, poses, display=SETTINGS.display, effects=SETTINGS, planning=SETTINGS.plan)
+    return Rendered(7, 0.5, STATE, poses, frame, perceived, 5.0)
 
 
 @pytest.fixture(scope="module")

@@ -7,7 +7,7 @@ import pytest
 from bridges import MS, Bridge, never, started_reader
 
 from entoptic.services.reader import StateReader
-from entoptic.services.rendering import kicks_of, looking_of
+from entoptic.services.rendering import impulses_of, pose_of
 from entoptic.services.session.eyes import RecordedEyes
 from entoptic.tracker_bridge.chain import Chain, LatencyMode, records_of
 from entoptic.tracker_bridge.events import Event, SaccadeKind, SaccadeOffset, StreamEnded, StreamStarted
@@ -77,7 +77,7 @@ def test_a_live_reader_hears_each_saccade_once(bridge: Bridge, connect: Callable
 
 
 def test_kicks_are_as_old_as_their_saccades() -> None:
-    first, second = kicks_of([saccade(1000, 5.0), saccade(1500, -0.3, offset_ms=1490)], 1600 * MS)
+    first, second = impulses_of([saccade(1000, 5.0), saccade(1500, -0.3, offset_ms=1490)], 1600 * MS)
     assert (first.right_deg, first.up_deg, first.ago_s) == (5.0, -1.0, pytest.approx(0.62))
     assert (second.right_deg, second.ago_s) == (-0.3, pytest.approx(0.11))
 
@@ -94,7 +94,7 @@ def test_kicks_are_as_old_as_their_saccades() -> None:
     ],
 )
 def test_old_and_impossible_saccades_kick_nothing(offset_ms: int, azimuth_deg: float, counts: bool) -> None:
-    saccade_impulses = kicks_of([saccade(3000, azimuth_deg, offset_ms=offset_ms)], 3000 * MS)
+    saccade_impulses = impulses_of([saccade(3000, azimuth_deg, offset_ms=offset_ms)], 3000 * MS)
     assert len(saccade_impulses) == counts
     assert all(0.0 <= kick.ago_s <= 2.0 and math.isfinite(kick.right_deg) for kick in saccade_impulses)
 
@@ -103,7 +103,7 @@ def test_looking_has_each_eyes_openness_and_both_eyes_kicks() -> None:
     right = OneEyeState(Phase.BLINK, 4.0, None, 0.0, 0.2, None)
     left = OneEyeState(Phase.DROPOUT, 4.0, None, 0.0, None, None)
     both = EyeState(0, 0, right, left, None)
-    saccade_impulses = kicks_of([saccade(0)], 0)
-    assert [looking_of(both, eye, saccade_impulses).openness for eye in Eye] == [0.2, 1.0]
-    assert all(looking_of(both, eye, saccade_impulses).saccade_impulses == saccade_impulses for eye in Eye)
-    assert looking_of(None, Eye.LEFT, saccade_impulses).saccade_impulses == ()
+    saccade_impulses = impulses_of([saccade(0)], 0)
+    assert [pose_of(both, eye, saccade_impulses).openness for eye in Eye] == [0.2, 1.0]
+    assert all(pose_of(both, eye, saccade_impulses).saccade_impulses == saccade_impulses for eye in Eye)
+    assert pose_of(None, Eye.LEFT, saccade_impulses).saccade_impulses == ()

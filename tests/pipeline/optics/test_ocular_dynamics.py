@@ -150,10 +150,10 @@ def test_the_frame_rate_changes_nothing(fps: float) -> None:
 def test_no_time_passes_where_it_does_not_go_forwards(dt_s: float) -> None:
     before = after(ALIVE, 1.0, impulses=KICKS)
     np.testing.assert_array_equal(numbers(step(before, ALIVE, dt_s, 6.0)), numbers(before))
-    kicked = step(before, ALIVE, dt_s, 6.0, (SaccadeImpulse(4.0, 2.0),))
-    turned = np.array(kicked.vitreous.deg) - np.array(before.vitreous.deg)
+    turned_eye = step(before, ALIVE, dt_s, 6.0, (SaccadeImpulse(4.0, 2.0),))
+    turned = np.array(turned_eye.vitreous.deg) - np.array(before.vitreous.deg)
     np.testing.assert_allclose(turned, (-2.0, -1.0), rtol=0, atol=1e-12)
-    assert (kicked.t_s, kicked.hippus_beats) == (before.t_s, before.hippus_beats)
+    assert (turned_eye.t_s, turned_eye.hippus_beats) == (before.t_s, before.hippus_beats)
 
 
 def test_an_eye_moves_the_same_way_twice_and_another_otherwise() -> None:

@@ -29,7 +29,7 @@ from entoptic.services.settings import Settings
 
 class TestVariants:
     def test_the_plan_is_what_perceiving_gives(self, subject: Subject, explained: Explained) -> None:
-        bare = perceive(subject.frame, subject.looking, state=RenderState((0.3,)), effects=subject.settings)
+        bare = perceive(subject.frame, subject.poses, state=RenderState((0.3,)), effects=subject.settings)
         np.testing.assert_array_equal(explained.planned.image, bare.image)
         assert [step.level for step in explained.planned.plan] == [step.level for step in bare.plan]
 

@@ -26,7 +26,7 @@ class TestSession:
         np.testing.assert_allclose(np.asarray(found.frame.rgb_cd_m2), [image, image / 2], rtol=1e-6)
         assert found.frame.view.fov_deg == 60.0
         assert found.adapted_cd_m2 == (0.5, 1.5)
-        assert [eye.pupil_mm for eye in found.looking] == [4.0, 5.0]
+        assert [eye.pupil_mm for eye in found.poses] == [4.0, 5.0]
         assert found.t_s == 0.7
         assert found.settings.observer.age_years == 61.0
 
@@ -43,8 +43,8 @@ class TestSession:
         view = View(400, 300, 104.0)
         x_px, y_px = view.pixel_of(azimuth_deg, elevation_deg)
         row = {"left_gaze_x_px": f"{x_px}", "left_gaze_y_px": f"{y_px}", "left_pupil_mm": "4"}
-        looking = subject._looking(row, "left", view)
-        assert (looking.azimuth_deg, looking.elevation_deg) == pytest.approx((azimuth_deg, elevation_deg), abs=1e-9)
+        pose = subject._pose(row, "left", view)
+        assert (pose.azimuth_deg, pose.elevation_deg) == pytest.approx((azimuth_deg, elevation_deg), abs=1e-9)
 
     def test_what_is_missing_is_named(self, session: Path) -> None:
         (session / "key_frames" / "000007_scene.exr").unlink()
@@ -78,7 +78,7 @@ def test_an_image_is_seen_by_one_eye(tmp_path: Path, lamp: np.ndarray) -> None:
     still, lamp_file = StillConfig(gaze="1,2", fov_deg=60.0, lights=("5,-2,0.3,LED-B3",)), str(tmp_path / "lamp.exr")
     found = subject.from_image(lamp_file, replace(still, adaptation=0.2), Settings())
     np.testing.assert_allclose(np.asarray(found.frame.rgb_cd_m2)[0], lamp.transpose(2, 0, 1), rtol=1e-6)
-    assert (found.adapted_cd_m2, found.looking, found.t_s) == ((0.2,), (EyePose(1.0, 2.0),), None)
+    assert (found.adapted_cd_m2, found.poses, found.t_s) == ((0.2,), (EyePose(1.0, 2.0),), None)
     assert any("whiteLuminance" in note for note in found.notes)
     assert found.frame.lights == (Light(5.0, -2.0, 0.3, 0.0, "LED-B3"),)
     assert subject.from_image(lamp_file, still, Settings()).adapted_cd_m2 is None
