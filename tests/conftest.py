@@ -1,4 +1,5 @@
 import ctypes
+import functools
 import gc
 import os
 import sys
@@ -45,33 +46,48 @@ def _logs_end_with_their_test() -> Iterator[None]:
     structlog.reset_defaults()
 
 
-MUCH_BYTES = 1_200_000_000
-"""A worker that holds more gives back what it can."""
+class _Memory:
+    """What JAX compiled is kept on disk, and kernels are soon computed: in memory they would add up to gigabytes."""
+
+    WORTHWHILE_BYTES = 300_000_000
+    """That have been added since memory was given back; less is not worth compiling anew."""
+
+    def __init__(self) -> None:
+        self._kept_bytes = 0
+
+    def give_back_beyond(self, most_bytes: int) -> None:
+        """Frees what can be had again where this process holds more, on Linux, where that is known."""
+        if sys.platform != "linux" or "jax" not in sys.modules:
+            return
+        if self._held_bytes() < max(most_bytes, self._kept_bytes + self.WORTHWHILE_BYTES):
+            return
+        sys.modules["jax"].clear_caches()
+        for name in [name for name in sys.modules if name.startswith("entoptic.")]:
+            for value in list(vars(sys.modules[name]).values()):
+                if isinstance(value, functools._lru_cache_wrapper):
+                    value.cache_clear()
+        gc.collect()
+        ctypes.CDLL(None).malloc_trim(0)  # glibc keeps what was freed
+        self._kept_bytes = self._held_bytes()
+
+    @staticmethod
+    def _held_bytes() -> int:
+        return int(Path("/proc/self/statm").read_text().split()[1]) * os.sysconf("SC_PAGESIZE")
+
+
+_MEMORY = _Memory()
 
 
 @pytest.fixture(scope="module", autouse=True)
-def _compiled_code_ends_with_its_module() -> Iterator[None]:
-    """What JAX compiled is kept on disk; in memory it would add up to gigabytes over a worker's modules."""
+def _modules_end_with_little_memory() -> Iterator[None]:
     yield
-    _give_memory_back()
+    _MEMORY.give_back_beyond(800_000_000)
 
 
 @pytest.fixture(autouse=True)
-def _no_test_leaves_much_memory_behind() -> Iterator[None]:
+def _tests_end_with_no_more_than_others_need() -> Iterator[None]:
     yield
-    if sys.platform == "linux":
-        pages = int(Path("/proc/self/statm").read_text().split()[1])
-        if pages * os.sysconf("SC_PAGESIZE") > MUCH_BYTES:
-            _give_memory_back()
-
-
-def _give_memory_back() -> None:
-    if "jax" not in sys.modules:
-        return
-    sys.modules["jax"].clear_caches()
-    gc.collect()
-    if sys.platform == "linux":
-        ctypes.CDLL(None).malloc_trim(0)  # glibc keeps what was freed
+    _MEMORY.give_back_beyond(1_400_000_000)
 
 
 @pytest.hookimpl(optionalhook=True)

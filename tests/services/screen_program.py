@@ -60,16 +60,24 @@ class ScreenProgram:
         commands.subscribe(b"")
         while not self._over.is_set():
             while not self._to_say.empty():
-                answers.send(self._to_say.get())
+                self._send(answers, self._to_say.get())
             if commands.poll(10):
                 self._read(msgspec.msgpack.decode(commands.recv()), answers)
         context.destroy(linger=0)
 
+    def _send(self, answers: zmq.Socket[bytes], message: bytes) -> None:
+        """Whoever is let in nowhere can send nothing, and must still end."""
+        while not self._over.is_set():
+            if answers.poll(10, zmq.POLLOUT):
+                answers.send(message)
+                return
+
     def _read(self, message: dict[str, Any], answers: zmq.Socket[bytes]) -> None:
         self.said.append(message)
         if "ask" in message:
-            answers.send(
-                msgspec.msgpack.encode({"answer": message["ask"], "t_ns": time.monotonic_ns() + self._ahead_ns})
+            self._send(
+                answers,
+                msgspec.msgpack.encode({"answer": message["ask"], "t_ns": time.monotonic_ns() + self._ahead_ns}),
             )
         elif "screen" in message:
             number = message["id"]
@@ -78,4 +86,4 @@ class ScreenProgram:
                 self.shown_ns[number] = time.monotonic_ns()
                 self.screens.append((number, message["screen"]))
             answer = {"shown": number, "t_ns": self.shown_ns[number] + self._ahead_ns}
-            answers.send(msgspec.msgpack.encode(answer))
+            self._send(answers, msgspec.msgpack.encode(answer))
