@@ -94,7 +94,7 @@ class TestGlare:
 
     def test_it_agrees_with_the_reference(self) -> None:
         """Which sums at true angles: an analytic eye, a frame with lamps."""
-        frame = scenes.lamps_over_dark(8).frame
+        frame = scenes.lamps_over_dark(12).frame
         kernel = mixture(GlareModel.CIE, Observer(), Pose(5.0), 1.0, frame.view.ppd_centre)
         rgb = np.asarray(frame.rgb_cd_m2[0], np.float64)
         plain = glare_fft.prepare(frame.view, kernel)(rgb)
