@@ -1,6 +1,6 @@
 """What a page may ask of the console's server; protocol.py says how it is sent and answered.
 
-What host and bridge do is passed on to them as it is: services/ipc/requests.py, OF_HOST and OF_BRIDGE here.
+What host and bridge do is passed on to them as it is: services/ipc/requests.py, OfHost and OfBridge here.
 """
 
 from __future__ import annotations
@@ -84,7 +84,7 @@ class List(_Request, frozen=True, tag="list"):
 
 OfHost = StartSession | StopSession | Record | StopRecord
 OfBridge = StopCalibratingPupils | TrackerRequest
-OF_HOST, OF_BRIDGE = get_args(OfHost), get_args(OfBridge)
+OF_HOST = get_args(OfHost)
 Request = (
     Watch | CalibratePupils | StartScreens | ChangeSettings | SaveObserver | LoadObserver | List | OfHost | OfBridge
 )

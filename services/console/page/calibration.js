@@ -20,7 +20,7 @@ export function watchCalibration(connection) {
   const map_mm = make("input", { type: "checkbox", id: "calibration-map" });
   const name = make("input", { type: "text", id: "calibration-name", pattern: "[A-Za-z0-9][A-Za-z0-9_\\-]*", maxlength: 64, placeholder: "the time" });
   const begin = make("button", { id: "calibration-begin", class: "main", onclick: start }, "Begin and open the screens");
-  const stop = make("button", { id: "calibration-stop", "data-ask": "stop calibrating pupils", disabled: true }, "Break off");
+  const stop = make("button", { id: "calibration-stop", "data-ask": "stop calibrating pupils", disabled: true }, "Cancel");
   const open = make("a", { id: "calibration-screens", target: "entoptic-screens" }, "Open the screens again");
   const go = make("button", { id: "calibration-go", "data-ask": "start screens", disabled: true }, "Start the screens");
   const stage = make("span", { id: "calibration-stage", role: "status" }), left = make("span", { id: "calibration-left" });
