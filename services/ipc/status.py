@@ -40,7 +40,8 @@ def problem(code: str, severity: Severity, what: str, remedy: str) -> Problem:
 
 def _sentence(text: str) -> str:
     text = text.strip().rstrip(".") + "."
-    return text[0].upper() + text[1:]
+    # A file name stays as it is.
+    return text[0].upper() + text[1:] if text.split()[0].isalpha() else text
 
 
 def merged(*lists: Iterable[Problem]) -> tuple[Problem, ...]:

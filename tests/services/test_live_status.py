@@ -1,6 +1,15 @@
 import errno
 
-from entoptic.services.ipc.status import BridgeStatus, HostStatus, Problem, WorkerStatus, merged, status_of, unwritable
+from entoptic.services.ipc.status import (
+    BridgeStatus,
+    HostStatus,
+    Problem,
+    WorkerStatus,
+    merged,
+    problem,
+    status_of,
+    unwritable,
+)
 
 
 def test_a_full_disk_is_one_problem_whoever_says_it() -> None:
@@ -22,3 +31,8 @@ def test_a_status_says_whose_it_is() -> None:
     assert status_of({"of": "host", "worker": {"of": "worker", "fps": 2.0}}) == HostStatus(worker=WorkerStatus(fps=2.0))
     for nonsense in (None, {}, {"of": "moon"}, {"of": "bridge", "states": "many"}, {"of": "host", "addresses": {}}):
         assert status_of(nonsense) is None
+
+
+def test_texts_become_sentences_and_file_names_stay() -> None:
+    assert str(problem("x", "note", "the disk is full", "make room.")) == "The disk is full. Make room."
+    assert problem("x", "note", "nowhere/ does not exist", "name another").what == "nowhere/ does not exist."

@@ -131,7 +131,7 @@ def test_status_says_how_it_is(host: LiveHost) -> None:
     assert [one["status"]["of"] for one in json.loads(each.stdout)] == ["bridge", "worker"]
     nobody = host.command("status", "tcp://127.0.0.1:1")
     assert nobody.returncode == 1
-    assert "nobody answers" in nobody.stderr
+    assert "Nobody answers" in nobody.stderr
 
 
 @pytest.mark.slow

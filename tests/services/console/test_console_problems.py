@@ -65,6 +65,7 @@ def test_one_thing_is_wrong(more: dict[str, Any], code: str, severity: str, word
         {"lost_s": {"left": 1.4}},
         {"states_silent_s": None, "frames_silent_s": None},
         {"states_silent_s": 1.9, "frames_silent_s": 3.9},
+        {"free_bytes": None},
         {"dropped_share": 0.1},
         {"latency_p95_ms": 249.0},
         {"free_bytes": 2_000_000_000},
@@ -96,3 +97,12 @@ def test_what_the_processes_say_is_told_once() -> None:
 def test_a_tracker_that_is_gone_is_the_cause_of_the_rest() -> None:
     gone = bridge(problems=(NO_TRACKER,))
     assert problems(snapshot(bridge=gone, states_silent_s=9.0, lost_s={"left": 9.0})) == (NO_TRACKER,)
+
+
+def test_eyes_and_frames_count_while_a_session_runs_alone() -> None:
+    lost = {"lost_s": {"left": 9.0}, "frames_silent_s": 9.0}
+    assert [one.code for one in problems(snapshot(host=HostStatus(), **lost))] == ["nothing runs"]
+    gone = snapshot(host=None, silent_s={"host": 9.0}, **lost)
+    assert [one.code for one in problems(gone)] == ["host gone"]
+    unhosted = snapshot(hosted=False, host=None, **lost)
+    assert [one.code for one in problems(unhosted)] == ["no frames", "pupil lost left"]
