@@ -31,7 +31,7 @@ class MadeUp(msgspec.Struct, frozen=True):
     luminance: float | None = None
     """The change of Y, where it differs from the others'."""
     grows: float = 1.0
-    """What it makes of a change before it."""
+    """What it makes of a change before it; of light too where it cannot be left out."""
     on: bool = True
 
 
@@ -75,6 +75,12 @@ class MadeUpEffect(Effect[Any, None]):
     def propagate(self, changes: TileChanges, ranges: TileRanges, eye: EyeContext, settings: MadeUp) -> Change:
         self.asked.append((changes, ranges))
         return settings.grows * changes.image
+
+    def ranges_after(self, ranges: TileRanges, hidden: Change, eye: EyeContext, settings: MadeUp) -> Range:
+        if self.optional:
+            return super().ranges_after(ranges, hidden, eye, settings)
+        image = ranges.image
+        return Range(settings.grows * image.low, settings.grows * image.high, image.tile_px)
 
     def reason(self, eye: EyeContext, settings: MadeUp) -> str:
         return f"{self.name} of {eye.called}"  # type: ignore[attr-defined]

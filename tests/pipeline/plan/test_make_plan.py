@@ -89,20 +89,20 @@ def test_a_change_grows_on_its_way_to_the_display() -> None:
         )
     )
     plan = planned(eye).plan
-    # The blur's 0.2 twice by tone mapping and three times by the tint; the tint's 0.5 and 0.5 for each of 1.2 cd/m².
+    # The blur's 0.2 twice by tone mapping and three times by the tint; the tint's 0.5 and 0.5 for each of 2.4.
     assert (plan["night_colour"].level, plan["acuity"].level) == ("best", "best")
     assert "by 1.2 code values" in plan["acuity"].reason
-    assert "by 1.1 code values" in plan["night_colour"].reason
-    plan = planned(eye, Planning(tolerance_code_values=1.25)).plan
+    assert "by 1.7 code values" in plan["night_colour"].reason
+    plan = planned(eye, Planning(tolerance_code_values=1.75)).plan
     assert (plan["night_colour"].level, plan["acuity"].level) == (SKIPPED, SKIPPED)
     # Without the tint nothing makes the blur's 0.4 larger, but there is as much more light that it would have changed.
-    assert plan.bound_code_values == pytest.approx(0.4 + 0.5 + 0.5 * 1.6)
+    assert plan.bound_code_values == pytest.approx(0.4 + 0.5 + 0.5 * 2.8)
     TINT.asked.clear()
     planned(eye)
     changes, ranges = TINT.asked[-1]
     assert changes.image.max() == pytest.approx(0.4)
     assert changes.scene.max() == pytest.approx(0.2)  # as it was before tone mapping
-    assert ranges.scene.high.max() == ranges.image.high.max() == pytest.approx(1.2)
+    assert (ranges.scene.high.max(), ranges.image.high.max()) == (pytest.approx(1.2), pytest.approx(2.4))
 
 
 def test_lights_of_their_own_are_in_no_range_so_nothing_is_left_out_beside_them() -> None:
@@ -137,6 +137,8 @@ def test_what_is_switched_off_is_in_no_plan() -> None:
     assert (made.plan["acuity"].level, made.plan["acuity"].reason) == (OFF, "switched off in the settings")
     assert not made.plan["acuity"].runs
     assert (made.plan.bound_code_values, set(made.choices)) == (0, {"glare", "night_colour"})
+    off = settings(glare=skipping(0.25), acuity=MadeUp({SKIPPED: 9.0}, grows=9.0, on=False))
+    assert planned(MadeUpEye(off)).plan.bound_code_values == 0.25
 
 
 class TestBudget:
