@@ -182,7 +182,7 @@ def test_kernels_come_when_they_change_and_to_each_new_subscriber(
         show(publisher, rendered, t_ns=t_ns)
     numbers = [decode(received(first)[1], EngineKernel).number for _ in EYES]
     second = reader(publisher.address, b"kernel", b"engine")
-    until(publisher, lambda: publisher._kernels_anew and publisher.wants(b"engine"))
+    until(publisher, lambda: publisher._kernels_again and publisher.wants(b"engine"))
     show(publisher, rendered, t_ns=3 * 10**9)
     again = [decode(received(second)[1], EngineKernel).number for _ in EYES]
     topic, message = received(second)
