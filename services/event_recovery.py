@@ -89,7 +89,8 @@ class EventRecovery:
                     self.lost += 1
                 else:
                     events.append(message.event)
-        self._give_up(answer.oldest - 1)
+        if all(message is None or message.stream == request.stream for message in answer.messages):
+            self._give_up(answer.oldest - 1)
         self.known = max(self.known, self.last)
         if request == self._request:
             self._close_request()

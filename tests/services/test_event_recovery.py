@@ -135,3 +135,18 @@ def test_another_bridge_begins_again_and_late_answers_to_the_old_one_are_ignored
     request = recovery.next_request(0.0)
     assert request is not None
     assert (request.stream, request.first) == (2, 2)
+
+
+def test_an_answer_of_another_stream_gives_nothing_up() -> None:
+    """A bridge that was started again answers on the same port what the one before was asked."""
+    recovery = EventRecovery()
+    got = numbers(recovery.message(event(1)))
+    got += numbers(recovery.message(event(4)))
+    request = recovery.next_request(0.0)
+    assert request is not None
+    assert recovery.answer(request, Answer((event(1, stream=9),), 1000)) == []
+    assert (recovery.lost, recovery.last) == (0, 1)
+    asked_again = recovery.next_request(10.0) or request
+    got += numbers(recovery.answer(asked_again, Answer((event(2), event(3), event(4)))))
+    got += numbers(recovery.message(event(5)))
+    assert got == [1, 2, 3, 4, 5]
