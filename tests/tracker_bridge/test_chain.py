@@ -160,6 +160,14 @@ def test_silence_makes_a_pupil_lost_once_and_its_return_makes_it_back() -> None:
     assert times == sorted(times)
 
 
+def test_what_silence_makes_of_an_eye_is_of_a_time_that_no_sample_can_still_reach() -> None:
+    """Samples may come a quarter of a second late."""
+    before, ticks = both_eyes(20), [Tick(k * 7 * MS) for k in range(14, 200)]
+    found = states_of([*before, *ticks], Chain(live=True))[20:]
+    assert found[-1].left.phase is found[-1].right.phase is Phase.LOST
+    assert {state.t_ns + 250 * MS for state in found} <= {tick.t_ns for tick in ticks}
+
+
 def test_an_eye_that_falls_silent_in_a_recording_is_lost_too() -> None:
     items = [item for item in both_eyes(400) if not (isinstance(item, PupilSample) and item.eye and item.t_ns > 10**9)]
     last = states_of(items)[-1]

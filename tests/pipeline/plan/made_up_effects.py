@@ -33,6 +33,8 @@ class MadeUp(msgspec.Struct, frozen=True):
     grows: float = 1.0
     """What it makes of a change before it; of light too where it cannot be left out."""
     on: bool = True
+    reducible: bool = True
+    """Whether there is any level short of the full one."""
 
 
 class MadeUpEffect(Effect[Any, None]):
@@ -53,7 +55,7 @@ class MadeUpEffect(Effect[Any, None]):
         return "best"
 
     def reduced_levels(self, settings: MadeUp) -> Sequence[str]:
-        return tuple(settings.bounds)
+        return tuple(settings.bounds) if settings.reducible else ()
 
     def required(self, eyes: Sequence[EyeContext], settings: MadeUp) -> str | None:
         return None if self.optional else "always"

@@ -243,3 +243,8 @@ def test_a_step_that_hides_nothing_and_fades_from_nothing_is_all_at_its_level() 
     assert (step.weights, step.bound_code_values, step.fade) == ({"best": 1.0}, 0.0, 1.0)
     assert Plan((step,)).bound_code_values == 0.0
     assert planned(MadeUpEye(NEEDED)).plan["acuity"].weights == {"best": 1.0}
+
+
+def test_an_effect_that_has_no_lesser_levels_says_that_it_was_asked_for() -> None:
+    step = planned(MadeUpEye(settings(acuity=MadeUp(reducible=False)))).plan["acuity"]
+    assert (step.level, step.reason) == ("best", "it was asked for")
