@@ -13,7 +13,15 @@ from entoptic.pipeline.cost import scenes
 from entoptic.pipeline.cost.errors import Errors, OnDisplay, errors_between
 from entoptic.pipeline.cost.timing import Times, interleaved
 from entoptic.pipeline.cost.viewing import AnyEffect, Reals, SceneViewing
-from entoptic.pipeline.cost.whole_frame import COMBINATIONS, Size, Whole, errors_of_combinations, parts_ms, time_of
+from entoptic.pipeline.cost.whole_frame import (
+    COMBINATIONS,
+    PARTS,
+    Size,
+    Whole,
+    errors_of_combinations,
+    parts_ms,
+    time_of,
+)
 from entoptic.pipeline.effects import EFFECTS
 from entoptic.pipeline.effects.effect import SKIPPED, Domain
 
@@ -72,7 +80,7 @@ class Cost:
 def steps(effort: Effort, rounds: int) -> int:
     """How many calls `run` tells of."""
     variants = sum(len(effect.variants()) * (rounds + 1) for effect in EFFECTS) + len(EFFECTS)
-    parts = len(effort.sizes) * (rounds + 1) * sum(1 + len(effect.costs) for effect in EFFECTS)
+    parts = len(effort.sizes) * (rounds + 1) * PARTS
     return len(effort.scenes) * (variants + len(COMBINATIONS) + parts)
 
 

@@ -42,6 +42,12 @@ COMBINATIONS: tuple[Combination, ...] = tuple(
     itertools.product(*([(effect.name, level) for level in (SKIPPED, *levels(effect))] for effect in COMBINED))
 )
 
+PARTS = 3 + sum(
+    len(levels(effect)) if effect in COMBINED else draws(effect) and effect.is_on(effect.settings_of(DEFAULT))
+    for effect in EFFECTS
+)
+"""How many parts of a frame are timed: measuring, adaptation and encoding, and what effects draw."""
+
 
 @dataclasses.dataclass(frozen=True)
 class Whole:

@@ -105,8 +105,10 @@ def request(folder: Path, **changes: object) -> CalibratePupils:
     return msgspec.convert({"out": str(folder / "my_pupil.toml"), **QUICK, **changes}, CalibratePupils)
 
 
+# A busy machine is late now and then: at rest nine in ten samples are there.
+@pytest.mark.parametrize("tracked", [0.5, pytest.param(0.9, marks=pytest.mark.slow)])
 def test_a_valid_run_leaves_a_map_a_plot_and_diameters_that_mean_something(
-    tmp_path: Path, loop: BridgeLoop, eyes: PromptEyes
+    tmp_path: Path, loop: BridgeLoop, eyes: PromptEyes, tracked: float
 ) -> None:
     calibration = loop.calibration
     assert (calibration.status(), calibration.result()) == (None, None)
@@ -135,7 +137,7 @@ def test_a_valid_run_leaves_a_map_a_plot_and_diameters_that_mean_something(
     assert (result["ok"], result["problems"]) == (True, []), result
     assert result["eyes"]["left"]["span"] == pytest.approx(54, abs=8)
     assert result["eyes"]["left"]["unit"] == "px"
-    assert 0.5 < result["eyes"]["left"]["tracked_share"] <= 1  # a busy machine is late now and then
+    assert tracked < result["eyes"]["left"]["tracked_share"] <= 1
     assert {path.name for path in tmp_path.iterdir()} == {"my_pupil.toml", "my_pupil.png"}
     (found,) = loop.maps
     assert found.left is not None

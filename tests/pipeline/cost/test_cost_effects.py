@@ -136,3 +136,4 @@ class TestWholeFrame:
         assert dict(best) == {"glare": "frame", "acuity": "fit", "night_colour": "lui"}
         parts = whole_frame.parts_ms(SceneViewing(scenes.scene("moonlight", *SIZE), exact=False), 0)
         assert all(time_of(combination, parts) > 0 for combination in errors)
+        assert len(parts) == whole_frame.PARTS

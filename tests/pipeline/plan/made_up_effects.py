@@ -64,7 +64,7 @@ class MadeUpEffect(Effect[Any, None]):
         return eye.dark if self.name == "acuity" else None  # type: ignore[attr-defined]
 
     def apply(self, *_: Any) -> Any:
-        raise NotImplementedError
+        raise AssertionError("planning draws nothing")
 
     def bound(self, ranges: TileRanges, eye: EyeContext, settings: MadeUp, level: str) -> Change:
         of = eye.bounds.get(self.name, settings)  # type: ignore[attr-defined]
@@ -88,7 +88,7 @@ class MadeUpEffect(Effect[Any, None]):
         return f"{self.name} of {eye.called}"  # type: ignore[attr-defined]
 
     def oracle(self, *_: Any) -> Any:
-        raise NotImplementedError
+        raise AssertionError("planning asks no oracle")
 
     def variants(self) -> Mapping[str, MadeUp]:
         return {}

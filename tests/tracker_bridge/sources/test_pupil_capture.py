@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import errno
-import statistics
 import threading
 import time
 from collections.abc import Callable, Iterator
@@ -64,7 +63,9 @@ def test_samples_of_both_eyes_once_an_image_and_on_this_machines_clock(bench: Be
     assert abs(samples[-1].t_ns - time.monotonic_ns()) < 5 * S
 
 
-def test_a_sample_is_here_within_milliseconds(bench: Bench) -> None:
+# Half of all on a machine at rest; on a busy one those that it was not late for.
+@pytest.mark.parametrize("share", [0.1, pytest.param(0.5, marks=pytest.mark.slow)])
+def test_a_sample_is_here_within_milliseconds(bench: Bench, share: float) -> None:
     capture = bench.capture()
     reader = bench.read(PupilCapture(capture.address))
     take(reader, 100)
@@ -72,7 +73,7 @@ def test_a_sample_is_here_within_milliseconds(bench: Bench) -> None:
     # From the datum's making to the reader's hand. A sleep on the way would show in the quickest too; how late the
     # others are is the machine's load.
     assert min(ages_ms) < 5.0
-    assert statistics.quantiles(ages_ms, n=10)[0] < 20.0
+    assert sorted(ages_ms)[int(share * len(ages_ms))] < 20.0
 
 
 def test_it_waits_for_capture_and_outlives_its_restart_at_other_ports(bench: Bench) -> None:
