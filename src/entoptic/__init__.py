@@ -10,71 +10,19 @@ a process that renders nothing does not wait for JAX.
 
 from __future__ import annotations
 
+import importlib
 import importlib.metadata
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from entoptic.pipeline import (
-        EFFECTS,
-        Display,
-        Effect,
-        Effects,
-        Encoding,
-        EyeContext,
-        EyePose,
-        Frame,
-        FrameError,
-        Glare,
-        GlareLevel,
-        GlareModel,
-        Iris,
-        Light,
-        Observer,
-        OcularDynamics,
-        Perceived,
-        Plan,
-        Planning,
-        RenderState,
-        Step,
-        View,
-        as_displayed,
-        perceive,
-    )
+    from entoptic.pipeline import *  # noqa: F403 - what the light side names is what users get
 
 __version__ = importlib.metadata.version("entoptic")
 
-__all__ = [
-    "EFFECTS",
-    "Display",
-    "Effect",
-    "Effects",
-    "Encoding",
-    "EyeContext",
-    "EyePose",
-    "Frame",
-    "FrameError",
-    "Glare",
-    "GlareLevel",
-    "GlareModel",
-    "Iris",
-    "Light",
-    "Observer",
-    "OcularDynamics",
-    "Perceived",
-    "Plan",
-    "Planning",
-    "RenderState",
-    "Step",
-    "View",
-    "__version__",
-    "as_displayed",
-    "perceive",
-]
-
 
 def __getattr__(name: str) -> Any:
-    if name not in __all__:
-        raise AttributeError(f"module 'entoptic' has no attribute {name!r}")
-    from entoptic import pipeline
-
-    return getattr(pipeline, name)
+    if not name.startswith("_") and name not in ("pipeline", "services", "tracker_bridge"):
+        pipeline = importlib.import_module("entoptic.pipeline")
+        if name in pipeline.__all__:
+            return getattr(pipeline, name)
+    raise AttributeError(f"module 'entoptic' has no attribute {name!r}")
