@@ -74,8 +74,8 @@ def live_states(eyes: SimulatedEyes) -> Iterator[EyeState]:
             shown = filters[sample.eye].step(sample)
             one[sample.eye] = OneEyeState(
                 phase=shown.phase,
-                diameter_mm=shown.diameter_mm,
-                measured_mm=sample.diameter_mm,
+                pupil_diameter_mm=shown.pupil_diameter_mm,
+                measured_mm=sample.pupil_diameter_mm,
                 confidence=sample.confidence,
                 openness=shown.openness,
                 gaze=None,
@@ -99,8 +99,8 @@ def error_around_blinks_mm(eyes: SimulatedEyes, states: Callable[[SimulatedEyes]
     for event in truth.events:
         if event.kind == "blink":
             near |= (truth.t_ns >= event.onset_ns - AROUND_NS) & (truth.t_ns <= event.offset_ns + AROUND_NS)
-    diameters = np.array([state.right.diameter_mm for state in states(eyes)], dtype=float)
-    return float(np.sqrt(np.mean((diameters - truth.diameter_mm)[near] ** 2)))
+    diameters = np.array([state.right.pupil_diameter_mm for state in states(eyes)], dtype=float)
+    return float(np.sqrt(np.mean((diameters - truth.pupil_diameter_mm)[near] ** 2)))
 
 
 def simulated(seed: int, *, with_openness: bool = True) -> list[LabelledEye]:

@@ -46,7 +46,7 @@ def here(frames: Sequence[Image], effects: Effects = AS_SHIPPED) -> list[Image]:
         try:
             perceived = perceive(
                 Frame.from_rgb(rgb, 60.0),
-                EyePose(pupil_mm=4.0),
+                EyePose(pupil_diameter_mm=4.0),
                 observer=OBSERVER,
                 state=state,
                 dt_s=1 / FPS,

@@ -54,16 +54,16 @@ class Response(NamedTuple):
         return self.baseline_mm - self.minimum_mm
 
 
-def response(t_s: Floats, diameters_mm: Floats) -> Response:
+def response(t_s: Floats, pupil_diameters_mm: Floats) -> Response:
     """What is read off a trace, measured or simulated, whose times run from the flash on."""
-    threshold = (1.0 - ANSWERED) * diameters_mm[np.abs(t_s) <= UNANSWERED_S].mean()
-    first = int(np.argmax((t_s > 0.0) & (diameters_mm < threshold)))
-    latency = np.interp(threshold, diameters_mm[[first, first - 1]], t_s[[first, first - 1]])
-    smallest = int(np.argmin(diameters_mm))
+    threshold = (1.0 - ANSWERED) * pupil_diameters_mm[np.abs(t_s) <= UNANSWERED_S].mean()
+    first = int(np.argmax((t_s > 0.0) & (pupil_diameters_mm < threshold)))
+    latency = np.interp(threshold, pupil_diameters_mm[[first, first - 1]], t_s[[first, first - 1]])
+    smallest = int(np.argmin(pupil_diameters_mm))
     return Response(
         latency_s=float(latency),
-        baseline_mm=float(diameters_mm[t_s < 0.0].mean()),
-        minimum_mm=float(diameters_mm[smallest]),
+        baseline_mm=float(pupil_diameters_mm[t_s < 0.0].mean()),
+        minimum_mm=float(pupil_diameters_mm[smallest]),
         minimum_s=float(t_s[smallest]),
     )
 

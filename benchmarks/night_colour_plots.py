@@ -105,14 +105,14 @@ def _plot_street() -> Figure:
 def _plot_noise() -> Figure:
     figure = Figure(figsize=(10, 6.6), layout="constrained")
     grid = figure.add_gridspec(2, 3)
-    settings, pupil_mm = rod_noise.RodNoise(on=True), 7.0
+    settings, pupil_diameter_mm = rod_noise.RodNoise(on=True), 7.0
     view = View(360, 240, 36.7)
     street = open_scene("night-street").frame(3.0, view, Head(), (Eye.LEFT,)).rgb_cd_m2
     # A street without lamps: their light is cut at ten times the mean of the rest.
     dim = jnp.minimum(street, 0.5)
     for column, mean_cd_m2 in enumerate((1e-3, 1e-4, 1e-5)):
         frame = (dim * np.float32(mean_cd_m2 / float(dim.mean()))).astype(jnp.float32)
-        noisy = rod_noise.add_noise(frame, 0.03, [pupil_mm], view.ppd_centre, settings)
+        noisy = rod_noise.add_noise(frame, 0.03, [pupil_diameter_mm], view.ppd_centre, settings)
         # Shown as bright as by day, so that it can be printed.
         image = tone.aces(noisy, np.array([0.18 / mean_cd_m2]), 100.0)
         panel = figure.add_subplot(grid[0, column])
@@ -124,10 +124,10 @@ def _plot_noise() -> Figure:
     measured = []
     for luminance_cd_m2 in luminances.tolist():
         flat = jnp.full((1, 3, 300, 300), luminance_cd_m2, jnp.float32)
-        grains = np.asarray(rod_noise.add_noise(flat, 0.03, [pupil_mm], view.ppd_centre, settings), np.float64)
+        grains = np.asarray(rod_noise.add_noise(flat, 0.03, [pupil_diameter_mm], view.ppd_centre, settings), np.float64)
         measured.append(grains[0, 1].std() / luminance_cd_m2)
     rods = rod_noise.RODS_PER_DEG2 * settings.grain_deg**2 * rod_noise.INTEGRATION_S
-    trolands = WHITE_RATIO * luminances * math.pi / 4 * pupil_mm**2
+    trolands = WHITE_RATIO * luminances * math.pi / 4 * pupil_diameter_mm**2
     counts = rods * (rod_noise.ISOMERISATIONS * trolands + rod_noise.THERMAL_PER_S)
     panel.plot(luminances, 1 / np.sqrt(counts), color="#999999", label="Poisson, 1/√N")
     panel.plot(luminances, measured, "o", ms=3, color="#2a6fbb", label="noise as shown")

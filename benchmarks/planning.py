@@ -38,7 +38,7 @@ def skipping(rounds: int) -> None:
         "|---|---:|---:|---:|---|---:|"
     )
     for name in SCENES:
-        frame, eye = scene(name, 1440, 1600).frame, EyePose(pupil_mm=PUPIL_MM.get(name, USUAL_PUPIL_MM))
+        frame, eye = scene(name, 1440, 1600).frame, EyePose(pupil_diameter_mm=PUPIL_MM.get(name, USUAL_PUPIL_MM))
 
         def seen(planning: Planning, frame: Frame = frame, eye: EyePose = eye) -> Perceived:
             return perceive(frame, eye, planning=planning)
@@ -62,7 +62,7 @@ def budgets(count: int) -> None:
     view = View(1440, 1600, 104.0)
     street = open_scene("night-street")
     frames = [street.frame(3.0 + k / 4, view, Head(), (Eye.LEFT,)) for k in range(4)]
-    eye = EyePose(pupil_mm=USUAL_PUPIL_MM)
+    eye = EyePose(pupil_diameter_mm=USUAL_PUPIL_MM)
     truth = [perceive(frame, eye, planning=EVERYTHING).image.astype(float) for frame in frames]
     print(
         f"\n### Within a budget, night street, {count} frames after {WARM_UP}\n\n"

@@ -41,7 +41,7 @@ def main(rounds: int = 9) -> None:
         # A frame without a state: of one that has not changed the last glare would serve again.
         return perceive(
             frame,
-            EyePose(pupil_mm=PUPIL_MM),
+            EyePose(pupil_diameter_mm=PUPIL_MM),
             observer=observer,
             effects=Effects(glare=Glare(level=level)),
             planning=planning,

@@ -35,7 +35,7 @@ class EyeContext:
     time_s: float
     """Since the first frame, 0 or more."""
     adapted: Adapted
-    pupil_mm: float
+    pupil_diameter_mm: float
     """The diameter that is seen through, mm."""
     aperture: Pose
     """How pupil, lens, vitreous and lids stand."""

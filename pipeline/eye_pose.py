@@ -17,7 +17,7 @@ class EyePose:
     """Direction of gaze from the middle of the view, to the right positive."""
     elevation_deg: float = 0.0
     """Upwards positive."""
-    pupil_mm: float | None = None
+    pupil_diameter_mm: float | None = None
     """Measured diameter; None for what Watson & Yellott expect of this light and age."""
     openness: float = 1.0
     """How far the lids are open, 0 to 1. It shapes glare where `ocular_dynamics.lids` is on."""
@@ -27,7 +27,7 @@ class EyePose:
     def __post_init__(self) -> None:
         if not (math.isfinite(self.azimuth_deg) and math.isfinite(self.elevation_deg)):
             raise FrameError(f"gaze ({self.azimuth_deg}, {self.elevation_deg})°: both angles must be finite numbers")
-        if self.pupil_mm is not None and not 0.5 <= self.pupil_mm <= 12:
-            raise FrameError(f"a pupil of {self.pupil_mm} mm: give 0.5 to 12 mm, or none to have it computed")
+        if self.pupil_diameter_mm is not None and not 0.5 <= self.pupil_diameter_mm <= 12:
+            raise FrameError(f"a pupil of {self.pupil_diameter_mm} mm: give 0.5 to 12 mm, or none to have it computed")
         if not 0 <= self.openness <= 1:
             raise FrameError(f"an openness of {self.openness}: it must lie between 0, closed, and 1, open")

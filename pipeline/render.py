@@ -55,9 +55,9 @@ class Perceived:
         return tuple(eye.measured for eye in self.eyes)
 
     @property
-    def pupil_mm(self) -> tuple[float, ...]:
+    def pupil_diameter_mm(self) -> tuple[float, ...]:
         """The diameters that were used."""
-        return tuple(eye.pupil_mm for eye in self.eyes)
+        return tuple(eye.pupil_diameter_mm for eye in self.eyes)
 
     @property
     def timings(self) -> list[Timing]:

@@ -89,19 +89,23 @@ def view_frame(
     """The eyes `dt_s` after `before`; without it fully adapted to this frame and at rest."""
     adapted = _adapted(frame, measured, poses, effects, before, dt_s)
     elapsed_s = 0.0 if before is None else before.elapsed_s + max(dt_s, 0.0)
-    pupils_mm = [
-        expected_mm(frame.view, one.luminance_cd_m2, observer.age_years) if pose.pupil_mm is None else pose.pupil_mm
+    pupil_diameters_mm = [
+        expected_mm(frame.view, one.luminance_cd_m2, observer.age_years)
+        if pose.pupil_diameter_mm is None
+        else pose.pupil_diameter_mm
         for one, pose in zip(adapted, poses, strict=True)
     ]
     at_rest = (ocular_dynamics.at_rest(observer),) * len(poses)
     ocular = tuple(
-        ocular_dynamics.step(motion, observer, dt_s, pupil_mm, pose.saccade_impulses)
-        for motion, pupil_mm, pose in zip((before and before.ocular) or at_rest, pupils_mm, poses, strict=True)
+        ocular_dynamics.step(motion, observer, dt_s, pupil_diameter_mm, pose.saccade_impulses)
+        for motion, pupil_diameter_mm, pose in zip(
+            (before and before.ocular) or at_rest, pupil_diameters_mm, poses, strict=True
+        )
     )
     eyes = []
     for k, pose in enumerate(poses):
         aperture = ocular_dynamics.pose_of(
-            ocular[k], observer, pupils_mm[k], pose.openness, measured=pose.pupil_mm is not None
+            ocular[k], observer, pupil_diameters_mm[k], pose.openness, measured=pose.pupil_diameter_mm is not None
         )
         eye = EyeContext(
             frame=frame,
@@ -113,7 +117,7 @@ def view_frame(
             effects=effects,
             time_s=elapsed_s,
             adapted=adapted[k],
-            pupil_mm=aperture.pupil_mm,
+            pupil_diameter_mm=aperture.pupil_diameter_mm,
             aperture=aperture,
         )
         eyes.append(dataclasses.replace(eye, memory=_remembered(eye, before, dt_s)))
@@ -152,7 +156,7 @@ def _adapted(
         target_cd_m2(image, pose.azimuth_deg, pose.elevation_deg, settings, frame.all_around_cd_m2)
         for image, pose in zip(measured, poses, strict=True)
     ]
-    pupils = [PUPIL_MM if pose.pupil_mm is None else pose.pupil_mm for pose in poses]
+    pupils = [PUPIL_MM if pose.pupil_diameter_mm is None else pose.pupil_diameter_mm for pose in poses]
     if before is None:
         return tuple(begin(target, settings, mm) for target, mm in zip(targets, pupils, strict=True))
     adapted = before.adapted or [

@@ -40,7 +40,9 @@ def warm_up(
             return
         lamp[:, :, view.height_px // 2, view.width_px // 2] = lamp_cd_m2
         frame = Frame.from_rgb(lamp, view.fov_deg)
-        perceive(frame, EyePose(pupil_mm=4.1), observer=observer, display=display, effects=asked, planning=in_full)
+        perceive(
+            frame, EyePose(pupil_diameter_mm=4.1), observer=observer, display=display, effects=asked, planning=in_full
+        )
     if stopped():
         return
     lamp[:] = 100.0
@@ -54,7 +56,7 @@ def warm_up(
     before = RenderState((1.0,) * images, choices=fading)
     perceive(
         bright,
-        EyePose(pupil_mm=4.0),
+        EyePose(pupil_diameter_mm=4.0),
         observer=observer,
         display=display,
         state=before,

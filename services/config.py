@@ -206,7 +206,7 @@ class SettingsConfig(ObserverConfig, frozen=True, forbid_unknown_fields=True, kw
 class StillConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """How one picture is seen."""
 
-    pupil_mm: (
+    pupil_diameter_mm: (
         Annotated[
             float,
             described("Pupil diameter; computed from the light and the age unless given.", ge=0.5, le=12.0),

@@ -102,7 +102,7 @@ def pose_of(state: EyeState | None, eye: Eye, impulses: tuple[SaccadeImpulse, ..
     if gaze is None or state.t_ns - gaze.t_ns > FRESH_NS:
         gaze = state.gaze or gaze or Direction(0.0, 0.0, state.t_ns)
     openness = 1.0 if one.openness is None else one.openness
-    return EyePose(gaze.azimuth_deg, gaze.elevation_deg, one.diameter_mm, openness, impulses)
+    return EyePose(gaze.azimuth_deg, gaze.elevation_deg, one.pupil_diameter_mm, openness, impulses)
 
 
 def frames_known(seconds: float | None, end_ns: int | None, start_ns: int, fps: float) -> int | None:

@@ -180,20 +180,20 @@ def trace_of(samples: Sequence[PupilSample], screens: Sequence[ShownScreen]) -> 
     for sample in samples:
         if not ordered or sample.t_ns > ordered[-1].t_ns:
             ordered.append(sample)
-    unit: Unit = "mm" if any(sample.diameter_mm is not None for sample in ordered) else "px"
+    unit: Unit = "mm" if any(sample.pupil_diameter_mm is not None for sample in ordered) else "px"
     scale = 1.0 if unit == "mm" else _px_per_mm(ordered, screens)
     pupil = DropoutFilter()
     measured = np.full(len(ordered), math.nan)
     tracked = np.full(len(ordered), math.nan)
     for k, sample in enumerate(ordered):
-        native = sample.diameter_mm if unit == "mm" else sample.diameter_px
+        native = sample.pupil_diameter_mm if unit == "mm" else sample.diameter_px
         if native is not None:
             measured[k] = native
         if unit == "px":
             sample = in_provisional_mm(sample, scale)
         shown = pupil.step(sample)
-        if shown.phase is Phase.TRACKING and shown.diameter_mm is not None:
-            tracked[k] = shown.diameter_mm * scale
+        if shown.phase is Phase.TRACKING and shown.pupil_diameter_mm is not None:
+            tracked[k] = shown.pupil_diameter_mm * scale
     t_ns = np.array([sample.t_ns for sample in ordered], dtype=np.int64)
     period_s = float(np.median(np.diff(t_ns))) / NS_PER_S if t_ns.size > 1 else 0.0
     return Trace(ordered[0].eye, unit, scale, t_ns, measured, tracked, period_s)

@@ -53,8 +53,8 @@ class _EyeMemory:
         borrows = borrowed_mm is not None
         return OneEyeState(
             phase=self.shown.phase,
-            diameter_mm=borrowed_mm if borrows else self.shown.diameter_mm,
-            measured_mm=self.sample.diameter_mm,
+            pupil_diameter_mm=borrowed_mm if borrows else self.shown.pupil_diameter_mm,
+            measured_mm=self.sample.pupil_diameter_mm,
             confidence=self.sample.confidence,
             openness=self.shown.openness,
             gaze=self.gaze,
@@ -222,19 +222,21 @@ class Chain:
         right, left = self._eyes[Eye.RIGHT].shown, self._eyes[Eye.LEFT].shown
         if right is None or left is None or not right.phase is left.phase is Phase.TRACKING:
             return
-        if right.diameter_mm is not None and left.diameter_mm is not None:
-            self._differences_mm.append(right.diameter_mm - left.diameter_mm)
+        if right.pupil_diameter_mm is not None and left.pupil_diameter_mm is not None:
+            self._differences_mm.append(right.pupil_diameter_mm - left.pupil_diameter_mm)
 
     def _borrowed_mm(self, eye: Eye) -> float | None:
         """What a lost eye shows: both irises are driven alike, so the other pupil is the best guess there is."""
         own, other = self._eyes[eye].shown, self._eyes[Eye(1 - eye)].shown
         if (own is not None and own.phase is not Phase.LOST) or other is None or other.phase is Phase.LOST:
             return None
-        if other.diameter_mm is None:
+        if other.pupil_diameter_mm is None:
             return None
         difference_mm = statistics.median(self._differences_mm) if self._differences_mm else 0.0
         low_mm, high_mm = DIAMETER_RANGE_MM
-        return min(max(other.diameter_mm + (difference_mm if eye is Eye.RIGHT else -difference_mm), low_mm), high_mm)
+        return min(
+            max(other.pupil_diameter_mm + (difference_mm if eye is Eye.RIGHT else -difference_mm), low_mm), high_mm
+        )
 
     def _lend(self, eye: Eye, t_ns: int) -> float | None:
         """What a lost eye shows of the other's pupil at t_ns: a jump there would flicker."""
@@ -243,8 +245,8 @@ class Chain:
             memory.lent = None
             return None
         before = memory.lent
-        if before is None and memory.shown is not None and memory.shown.diameter_mm is not None:
-            before = memory.shown.t_ns, memory.shown.diameter_mm
+        if before is None and memory.shown is not None and memory.shown.pupil_diameter_mm is not None:
+            before = memory.shown.t_ns, memory.shown.pupil_diameter_mm
         if before is not None:
             target_mm = slewed_mm(before, t_ns, target_mm)
         memory.lent = t_ns, target_mm

@@ -41,7 +41,7 @@ class Shown:
     """What one sample, or time that passed without one, makes of one eye."""
 
     phase: Phase
-    diameter_mm: float | None
+    pupil_diameter_mm: float | None
     """The diameter to render with; None until one was trusted, and for ever where the source has no millimetres."""
     events: tuple[Event, ...]
     t_ns: int
@@ -104,9 +104,9 @@ class DropoutFilter:
         events = self._pass_time(t_ns)
         return self._as_shown(t_ns, events, None, None) if events or self._phase is not before else None
 
-    def has_shown(self, t_ns: int, diameter_mm: float) -> None:
+    def has_shown(self, t_ns: int, pupil_diameter_mm: float) -> None:
         """Another diameter was shown instead while the pupil was lost: its own goes on from there."""
-        self._shown, self._catching_up = (t_ns, diameter_mm), True
+        self._shown, self._catching_up = (t_ns, pupil_diameter_mm), True
 
     def _pass_time(self, t_ns: int) -> list[Event]:
         """What silence up to t_ns makes of the pupil."""
@@ -181,7 +181,7 @@ class DropoutFilter:
     def _as_shown(self, t_ns: int, events: list[Event], openness: float | None, size: float | None) -> Shown:
         if openness is None:
             openness = self._estimated_openness(t_ns, size)
-        return Shown(self._phase, self._diameter_mm(t_ns), tuple(events), t_ns, openness)
+        return Shown(self._phase, self._pupil_diameter_mm(t_ns), tuple(events), t_ns, openness)
 
     def _estimated_openness(self, t_ns: int, size: float | None) -> float | None:
         if self._interval is None:
@@ -193,7 +193,7 @@ class DropoutFilter:
         whole = self._interval.extrapolation.at(t_ns)
         return estimated_openness(size / whole, whole if self._gate.measure is Measure.MM else None)
 
-    def _diameter_mm(self, t_ns: int) -> float | None:
+    def _pupil_diameter_mm(self, t_ns: int) -> float | None:
         """The diameter measured or supposed, reached at no more than SLEW_MM_S where it would jump."""
         if self._gate.measure is not Measure.MM:
             return None

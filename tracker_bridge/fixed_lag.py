@@ -59,7 +59,7 @@ class _Mark(msgspec.Struct):
     """What was known of a pupil at a time."""
 
     t_ns: int
-    diameter_mm: float | None
+    pupil_diameter_mm: float | None
     """As measured, and trusted from both sides; else None."""
     lid: bool
 
@@ -88,7 +88,7 @@ class _Diameters:
                 for mark in reversed(self._ahead):
                     if mark.t_ns <= t_ns - LAG_NS:
                         break
-                    mark.diameter_mm = None
+                    mark.pupil_diameter_mm = None
                 self._ahead.append(_Mark(t_ns, None, lid=one.phase in (Phase.CLOSING, Phase.BLINK)))
         self._sampled_ns, self._phase = one.t_ns, one.phase
 
@@ -96,21 +96,21 @@ class _Diameters:
         """The eye at t_ns, which never goes backwards."""
         while self._ahead and self._ahead[0].t_ns <= t_ns:
             self._pass(self._ahead.popleft())
-        after = next(((m.t_ns, m.diameter_mm) for m in self._ahead if m.diameter_mm is not None), None)
-        diameter_mm = self._diameter_mm(t_ns, after)
+        after = next(((m.t_ns, m.pupil_diameter_mm) for m in self._ahead if m.pupil_diameter_mm is not None), None)
+        pupil_diameter_mm = self._pupil_diameter_mm(t_ns, after)
         borrowed = one.borrowed and after is None
-        if borrowed or diameter_mm is None:
+        if borrowed or pupil_diameter_mm is None:
             # The other eye's diameter, or none: there is nothing to do better.
-            self._shown = None if one.diameter_mm is None else (t_ns, one.diameter_mm)
+            self._shown = None if one.pupil_diameter_mm is None else (t_ns, one.pupil_diameter_mm)
             return one
-        self._shown = (t_ns, diameter_mm)
+        self._shown = (t_ns, pupil_diameter_mm)
         phase = one.phase
         if phase is Phase.TRACKING and self._extrapolation is not None:
             phase = Phase.CLOSING if any(mark.lid for mark in self._ahead) else Phase.DROPOUT
-        return msgspec.structs.replace(one, phase=phase, diameter_mm=diameter_mm, borrowed=False)
+        return msgspec.structs.replace(one, phase=phase, pupil_diameter_mm=pupil_diameter_mm, borrowed=False)
 
     def _pass(self, mark: _Mark) -> None:
-        if mark.diameter_mm is None:
+        if mark.pupil_diameter_mm is None:
             if self._extrapolation is None and self._trusted:
                 self._extrapolation = Extrapolation(self._trusted)
             return
@@ -119,9 +119,9 @@ class _Diameters:
             self._trusted.clear()
         while self._trusted and self._trusted[0][0] < mark.t_ns - BASELINE_NS:
             self._trusted.popleft()
-        self._trusted.append((mark.t_ns, mark.diameter_mm))
+        self._trusted.append((mark.t_ns, mark.pupil_diameter_mm))
 
-    def _diameter_mm(self, t_ns: int, after: tuple[int, float] | None) -> float | None:
+    def _pupil_diameter_mm(self, t_ns: int, after: tuple[int, float] | None) -> float | None:
         before = self._trusted[-1] if self._trusted else None
         if self._extrapolation is None and before is not None:
             if before[0] == t_ns:

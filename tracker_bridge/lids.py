@@ -38,14 +38,14 @@ _HEIGHTS = np.linspace(0.0, 1.0, 201)
 _SIZES = np.sqrt((np.arccos(1 - 2 * _HEIGHTS) - 2 * (1 - 2 * _HEIGHTS) * np.sqrt(_HEIGHTS - _HEIGHTS**2)) / np.pi)
 
 
-def estimated_openness(apparent_share: float, diameter_mm: float | None) -> float:
-    """Openness, 0 … 1, of an eye whose pupil of `diameter_mm` looks as small as this share of it, from 0 up.
+def estimated_openness(apparent_share: float, pupil_diameter_mm: float | None) -> float:
+    """Openness, 0 … 1, of an eye whose pupil of `pupil_diameter_mm` looks as small as this share of it, from 0 up.
 
     Assumes that the tracker reports the diameter of the circle with the area that is to see. 1 where it is whole.
     """
     if apparent_share >= 1.0:
         return 1.0
-    whole_mm = USUAL_DIAMETER_MM if diameter_mm is None else diameter_mm
+    whole_mm = USUAL_DIAMETER_MM if pupil_diameter_mm is None else pupil_diameter_mm
     height_mm = float(np.interp(apparent_share, _SIZES, _HEIGHTS)) * whole_mm
     return min(max((height_mm + PUPIL_HEIGHT_MM - whole_mm / 2) / FISSURE_MM, 0.0), 1.0)
 

@@ -109,12 +109,12 @@ class PupilMap(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         if self.of(eye) is None:
             return state
         low, high = LUI_MM
-        diameter_mm, measured_mm = (
-            None if mm is None else self.mapped_mm(eye, mm) for mm in (state.diameter_mm, state.measured_mm)
+        pupil_diameter_mm, measured_mm = (
+            None if mm is None else self.mapped_mm(eye, mm) for mm in (state.pupil_diameter_mm, state.measured_mm)
         )
-        if diameter_mm is not None:
-            diameter_mm = min(max(diameter_mm, low), high)
-        return msgspec.structs.replace(state, diameter_mm=diameter_mm, measured_mm=measured_mm)
+        if pupil_diameter_mm is not None:
+            pupil_diameter_mm = min(max(pupil_diameter_mm, low), high)
+        return msgspec.structs.replace(state, pupil_diameter_mm=pupil_diameter_mm, measured_mm=measured_mm)
 
     def mapped_mm(self, eye: Eye, filtered_mm: float) -> float:
         """A diameter from behind the filter on the line from LUI's 2 to 8 mm; beyond them too. For `map` alone."""
@@ -128,8 +128,8 @@ class PupilMap(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 def in_provisional_mm(sample: PupilSample, px_per_mm: float) -> PupilSample:
     """A sample with its pixels as millimetres, whatever millimetres it has of its own."""
-    diameter_mm = None if sample.diameter_px is None else sample.diameter_px / px_per_mm
-    return msgspec.structs.replace(sample, diameter_mm=diameter_mm)
+    pupil_diameter_mm = None if sample.diameter_px is None else sample.diameter_px / px_per_mm
+    return msgspec.structs.replace(sample, pupil_diameter_mm=pupil_diameter_mm)
 
 
 def read(path: Path) -> PupilMap:

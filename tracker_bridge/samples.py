@@ -53,7 +53,7 @@ class PupilSample(msgspec.Struct, frozen=True):
     t_ns: int
     """When the eye image was taken."""
     eye: Eye
-    diameter_mm: float | None
+    pupil_diameter_mm: float | None
     """As measured, nonsense included (a lost 3-D model reports −7580 mm); None where the source has no millimetres."""
     confidence: Unit
     """How sure the detector is of the pupil's outline."""
@@ -89,7 +89,7 @@ class OneEyeState(msgspec.Struct, frozen=True):
     """One eye as a renderer may use it."""
 
     phase: Phase
-    diameter_mm: PositiveMm | None
+    pupil_diameter_mm: PositiveMm | None
     """The last trusted diameter; while the phase is not `tracking` it goes on as it went, ever more slowly. None until
     there was one."""
     measured_mm: float | None

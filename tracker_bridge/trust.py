@@ -75,7 +75,11 @@ class Gate:
     def _size(self, sample: PupilSample) -> float | None:
         if self.measure is Measure.MM:
             low, high = DIAMETER_RANGE_MM
-            return sample.diameter_mm if sample.diameter_mm is not None and low <= sample.diameter_mm <= high else None
+            return (
+                sample.pupil_diameter_mm
+                if sample.pupil_diameter_mm is not None and low <= sample.pupil_diameter_mm <= high
+                else None
+            )
         if self.measure is Measure.PX:
             # Infinity and NaN fail this too.
             return sample.diameter_px if sample.diameter_px is not None and 0.0 < sample.diameter_px < 1e6 else None
@@ -96,7 +100,7 @@ class Gate:
 
 
 def _measure(sample: PupilSample) -> Measure:
-    if sample.diameter_mm is not None:
+    if sample.pupil_diameter_mm is not None:
         return Measure.MM
     return Measure.NONE if sample.diameter_px is None else Measure.PX
 

@@ -67,7 +67,7 @@ class Effort:
     levels: tuple[GlareLevel, ...]
     truth_count: int
     """Of the truth's wavelengths."""
-    pupils_mm: tuple[float, ...]
+    pupil_diameters_mm: tuple[float, ...]
     rounds: int
     """Unless others are asked for."""
 
@@ -78,7 +78,7 @@ FULL = Effort(
     counts=(4, 8, 16, 64, 128),
     levels=tuple(GlareLevel),
     truth_count=128,
-    pupils_mm=tuple(mm + PUPIL_STEP_MM / 2 for mm in (2, 3, 5, 7)),
+    pupil_diameters_mm=tuple(mm + PUPIL_STEP_MM / 2 for mm in (2, 3, 5, 7)),
     rounds=5,
 )
 QUICK = Effort(
@@ -87,7 +87,7 @@ QUICK = Effort(
     counts=(4,),
     levels=(GlareLevel.VEIL, GlareLevel.SOURCES, GlareLevel.WINDOW, GlareLevel.FRAME),
     truth_count=8,
-    pupils_mm=(PUPIL_MM + PUPIL_STEP_MM / 2,),
+    pupil_diameters_mm=(PUPIL_MM + PUPIL_STEP_MM / 2,),
     rounds=2,
 )
 
@@ -123,7 +123,7 @@ class GlareCost:
 def steps(effort: Effort, rounds: int) -> int:
     """How many calls `run` tells of."""
     of_settings = sum((turns + 1) * len(settings) for settings, turns in _settings(effort, rounds))
-    of_pupils = len(effort.pupils_mm) * (1 + 2 * (_pupil_rounds(effort, rounds) + 1))
+    of_pupils = len(effort.pupil_diameters_mm) * (1 + 2 * (_pupil_rounds(effort, rounds) + 1))
     return len(effort.scenes()) * (1 + of_settings + of_pupils)
 
 
@@ -135,8 +135,8 @@ def run(effort: Effort, rounds: int, done: Callable[[str], None] = lambda label:
         done("truth")
         for settings, turns in _settings(effort, rounds):
             rows += compare(settings, scene, truth, "reference", turns, done)
-        for pupil_mm in effort.pupils_mm:
-            rows += _pupil(pupil_mm, scene, _pupil_rounds(effort, rounds), done)
+        for pupil_diameter_mm in effort.pupil_diameters_mm:
+            rows += _pupil(pupil_diameter_mm, scene, _pupil_rounds(effort, rounds), done)
     order = list(notes(effort))
     rows.sort(key=lambda row: order.index(row.effect))
     return GlareCost(rows, _corner(scene, truth, effort.truth_count))
@@ -208,9 +208,9 @@ def _settings(effort: Effort, rounds: int) -> Iterator[tuple[list[Setting], int]
         yield [reference], REFERENCE_ROUNDS
 
 
-def _pupil(pupil_mm: float, scene: CostScene, rounds: int, done: Callable[[str], None]) -> list[Row]:
+def _pupil(pupil_diameter_mm: float, scene: CostScene, rounds: int, done: Callable[[str], None]) -> list[Row]:
     """A kernel blended of two pupils' against one made for the pupil."""
-    pose, mm = Pose(pupil_mm), f"{pupil_mm:g} mm"
+    pose, mm = Pose(pupil_diameter_mm), f"{pupil_diameter_mm:g} mm"
     truth = np.asarray(_image(_new(OBSERVER, pose, double=True))(scene))
     done(mm)
     pair = [
@@ -221,7 +221,7 @@ def _pupil(pupil_mm: float, scene: CostScene, rounds: int, done: Callable[[str],
 
 
 def _pupil_rounds(effort: Effort, rounds: int) -> int:
-    return -(-rounds // len(effort.pupils_mm))
+    return -(-rounds // len(effort.pupil_diameters_mm))
 
 
 def _truth(scene: CostScene, count: int) -> Float[np.ndarray, "3 y x"]:

@@ -125,6 +125,6 @@ def _discs(
 
 def straight_ahead(frame: Frame, observer: Observer, pose: Pose) -> EyeContext:
     """One eye that stands like this, viewing the middle of a frame."""
-    poses = (EyePose(pupil_mm=pose.pupil_mm),)
+    poses = (EyePose(pupil_diameter_mm=pose.pupil_diameter_mm),)
     viewing = view_frame(frame, measure(frame), poses, observer, Display(), Effects(), None, 0.0)
     return dataclasses.replace(viewing.eyes[0], aperture=pose)

@@ -38,8 +38,8 @@ class SceneViewing:
     ) -> None:
         """`exact`: effects start from what oracles made; else from what the program itself makes, to be timed."""
         self.scene, self.observer, self.display, self._exact = scene, observer, display, exact
-        pupil_mm = expected_mm(scene.frame.view, scene.adapted_cd_m2, observer.age_years)
-        self.pupil_mm = min(max(round(pupil_mm / PUPIL_STEP_MM) * PUPIL_STEP_MM, 2.0), 8.0)
+        pupil_diameter_mm = expected_mm(scene.frame.view, scene.adapted_cd_m2, observer.age_years)
+        self.pupil_diameter_mm = min(max(round(pupil_diameter_mm / PUPIL_STEP_MM) * PUPIL_STEP_MM, 2.0), 8.0)
         self._before: dict[str, Picture] = {}
 
     def eye(self, effect: AnyEffect, settings: msgspec.Struct) -> EyeContext:
@@ -47,7 +47,7 @@ class SceneViewing:
         aside_deg = 0.0 if effect.Memory is None else ASIDE_DEG
         effects, before = Effects(**{effect.name: settings}), None
         for azimuth_deg, dt_s in ((0.0, 0.0), (0.0, STARED_S), (aside_deg, 0.0)):
-            poses, measured = (EyePose(azimuth_deg, 0.0, self.pupil_mm),), (self.scene.measured,)
+            poses, measured = (EyePose(azimuth_deg, 0.0, self.pupil_diameter_mm),), (self.scene.measured,)
             viewing = view_frame(self.scene.frame, measured, poses, self.observer, self.display, effects, before, dt_s)
             before = viewing.state
         return prepare(viewing.eyes)[0]

@@ -76,7 +76,7 @@ class RodNoise(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 def add_noise(
     rgb: Float[Array, "eye 3 y x"],
     elapsed_s: float,
-    pupil_mm: Sequence[float],
+    pupil_diameter_mm: Sequence[float],
     pixels_per_deg: float,
     settings: RodNoise,
 ) -> Float[Array, "eye 3 y x"]:
@@ -89,7 +89,7 @@ def add_noise(
     if not math.isfinite(elapsed_s):
         raise FrameError(f"rod noise at {elapsed_s} s: give the seconds since the session began, a finite number")
     slots, fraction = divmod(max(elapsed_s, 0.0) / INTEGRATION_S, 1.0)
-    counts = [_counts(diameter_mm, settings.grain_deg) for diameter_mm in pupil_mm]
+    counts = [_counts(pupil_diameter_mm, settings.grain_deg) for pupil_diameter_mm in pupil_diameter_mm]
     per_scotopic, thermal = (jnp.asarray(values, jnp.float32) for values in zip(*counts, strict=True))
     grain_px = max(1, round(settings.grain_deg * pixels_per_deg))
     eyes, _, height, width = rgb.shape
@@ -107,15 +107,15 @@ def add_noise(
     return _multiply(rgb, factor, grey)
 
 
-def skip_bound(range_: Range, pupil_mm: float, settings: RodNoise) -> Change:
+def skip_bound(range_: Range, pupil_diameter_mm: float, settings: RodNoise) -> Change:
     """The most that leaving the noise out changes a pixel of one eye, cd/m²."""
-    tiles = _Tiles(range_, np.zeros_like(range_.low), pupil_mm, settings)
+    tiles = _Tiles(range_, np.zeros_like(range_.low), pupil_diameter_mm, settings)
     return np.asarray(tiles.fade * (tiles.high * tiles.noise + tiles.own * (1 + tiles.noise)))
 
 
-def propagate(change: Change, range_: Range, pupil_mm: float, settings: RodNoise) -> Change:
+def propagate(change: Change, range_: Range, pupil_diameter_mm: float, settings: RodNoise) -> Change:
     """What becomes of a change of the frame before the noise: the same noise falls on both."""
-    tiles = _Tiles(range_.widened(change), change, pupil_mm, settings)
+    tiles = _Tiles(range_.widened(change), change, pupil_diameter_mm, settings)
     loudest = 1 + tiles.fade * tiles.noise
     fades = np.minimum(change[3] / settings.below_cd_m2, tiles.fade)
     scotopic = _scotopic(change)
@@ -133,8 +133,8 @@ def propagate(change: Change, range_: Range, pupil_mm: float, settings: RodNoise
 class _Tiles:
     """What the bounds need to know of each tile; `range_` holds it before and after `change`."""
 
-    def __init__(self, range_: Range, change: Change, pupil_mm: float, settings: RodNoise) -> None:
-        self.per_scotopic, thermal = _counts(pupil_mm, settings.grain_deg)
+    def __init__(self, range_: Range, change: Change, pupil_diameter_mm: float, settings: RodNoise) -> None:
+        self.per_scotopic, thermal = _counts(pupil_diameter_mm, settings.grain_deg)
         self.fewest = thermal + self.per_scotopic * _scotopic(range_.low)
         """Events at least."""
         # |(z/2 + √(N − ¼))²/N − 1|: k ≥ 0 keeps it above −1.
@@ -152,10 +152,13 @@ def _scotopic(rgb: NDArray[np.float64]) -> NDArray[np.float64]:
     return red * rgb[0] + green * rgb[1] + blue * rgb[2]
 
 
-def _counts(pupil_mm: float, grain_deg: float) -> tuple[float, float]:
+def _counts(pupil_diameter_mm: float, grain_deg: float) -> tuple[float, float]:
     """Events of a grain: per scotopic cd/m² of light, and of heat (0.25 or more for every grain allowed)."""
     rods = RODS_PER_DEG2 * grain_deg**2
-    return rods * INTEGRATION_S * ISOMERISATIONS * math.pi / 4 * pupil_mm**2, rods * INTEGRATION_S * THERMAL_PER_S
+    return (
+        rods * INTEGRATION_S * ISOMERISATIONS * math.pi / 4 * pupil_diameter_mm** 2,
+        rods * INTEGRATION_S * THERMAL_PER_S,
+    )
 
 
 @functools.partial(jax.jit, static_argnames="grid")
@@ -256,14 +259,14 @@ class RodNoiseEffect(Effect[RodNoise, None]):
         level: str,
         tiles: NDArray[np.bool_] | None,
     ) -> Float[Array, "eye 3 y x"]:
-        pupils_mm = [eye.pupil_mm for eye in eyes]
-        return add_noise(picture.image, eyes[0].time_s, pupils_mm, eyes[0].view.ppd_centre, settings)
+        pupil_diameters_mm = [eye.pupil_diameter_mm for eye in eyes]
+        return add_noise(picture.image, eyes[0].time_s, pupil_diameters_mm, eyes[0].view.ppd_centre, settings)
 
     def bound(self, ranges: TileRanges, eye: EyeContext, settings: RodNoise, level: str) -> Change:
-        return skip_bound(ranges.image, eye.pupil_mm, settings)
+        return skip_bound(ranges.image, eye.pupil_diameter_mm, settings)
 
     def propagate(self, changes: TileChanges, ranges: TileRanges, eye: EyeContext, settings: RodNoise) -> Change:
-        return propagate(changes.image, ranges.image, eye.pupil_mm, settings)
+        return propagate(changes.image, ranges.image, eye.pupil_diameter_mm, settings)
 
     def reason(self, eye: EyeContext, settings: RodNoise) -> str:
         return darkness(eye.measured, settings.below_cd_m2)
@@ -273,7 +276,7 @@ class RodNoiseEffect(Effect[RodNoise, None]):
 
         rgb = np.asarray(picture.image[0], np.float64)
         eyes = eye.frame.rgb_cd_m2.shape[0]
-        return noisy(rgb, eye.time_s, eye.pupil_mm, eye.view.ppd_centre, settings, eye.image, eyes)
+        return noisy(rgb, eye.time_s, eye.pupil_diameter_mm, eye.view.ppd_centre, settings, eye.image, eyes)
 
     def variants(self) -> Mapping[str, RodNoise]:
         return {"on": RodNoise(on=True)}

@@ -122,9 +122,9 @@ def cie135(deg: Angles, age_years: float, pigmentation: float) -> Angles:
     return cie135_printed(deg, age_years, pigmentation) / cie135_volume(age_years, pigmentation)
 
 
-def _ijspeert_terms(pupil_mm: float, age_years: float, straylight: float) -> list[tuple[float, float]]:
+def _ijspeert_terms(pupil_diameter_mm: float, age_years: float, straylight: float) -> list[tuple[float, float]]:
     """Share c and width β in radians of each of IJspeert's four terms: diffraction and aberrations, then scattering."""
-    m, p, d = straylight, pupil_mm, 3.2
+    m, p, d = straylight, pupil_diameter_mm, 3.2
     ageing = 1 + (age_years / 70) ** 4
     near = 1 / (1 + ageing / (1 / m - 1))
     far = 1 / (1 + (1 / m - 1) / ageing)
@@ -138,22 +138,22 @@ def _ijspeert_terms(pupil_mm: float, age_years: float, straylight: float) -> lis
     ]
 
 
-def ijspeert(deg: Angles, pupil_mm: float, age_years: float, straylight: float) -> Angles:
+def ijspeert(deg: Angles, pupil_diameter_mm: float, age_years: float, straylight: float) -> Angles:
     """IJspeert 1993's function. Pupils of 2–8 mm, his range; `straylight` is his m, as in STRAYLIGHT.
 
     Each term has unit volume over the hemisphere whatever its width, and their shares add up to 1.
     """
     sin2 = np.sin(np.radians(deg)) ** 2
     density = np.zeros_like(sin2)
-    for share, width in _ijspeert_terms(pupil_mm, age_years, straylight):
+    for share, width in _ijspeert_terms(pupil_diameter_mm, age_years, straylight):
         squared = sin2 + width**2 * (1 - sin2)
         density += share * width / (2 * math.pi * squared * np.sqrt(squared))
     return density
 
 
-def diffraction_mtf(cpd: ArrayLike, pupil_mm: float, wavelength_nm: float) -> Angles:
+def diffraction_mtf(cpd: ArrayLike, pupil_diameter_mm: float, wavelength_nm: float) -> Angles:
     """Transfer function of a clear, focused pupil: 0 beyond the cut-off of D/λ cycles per radian."""
-    cut_off_cpd = math.radians(1) * pupil_mm * 1e-3 / (wavelength_nm * 1e-9)
+    cut_off_cpd = math.radians(1) * pupil_diameter_mm * 1e-3 / (wavelength_nm * 1e-9)
     share = np.minimum(np.asarray(cpd, np.float64) / cut_off_cpd, 1)
     return 2 / math.pi * (np.arccos(share) - share * np.sqrt(1 - share**2))
 
@@ -191,14 +191,14 @@ def cie135_mtf(cpd: ArrayLike, age_years: float, pigmentation: float) -> Angles:
     return _transfer(cpd, plane, lambda deg: cie135(deg, age_years, pigmentation))
 
 
-def ijspeert_mtf(cpd: ArrayLike, pupil_mm: float, age_years: float, straylight: float) -> Angles:
+def ijspeert_mtf(cpd: ArrayLike, pupil_diameter_mm: float, age_years: float, straylight: float) -> Angles:
     """Transfer function of IJspeert's: Σ c·exp(−β·2πν) with ν in cycles per radian, 360 for ν in cycles per degree."""
-    terms = _ijspeert_terms(pupil_mm, age_years, straylight)
+    terms = _ijspeert_terms(pupil_diameter_mm, age_years, straylight)
 
     def plane(nu: Angles) -> Angles:
         return np.asarray(sum(share * np.exp(-360 * width * nu) for share, width in terms))
 
-    return _transfer(cpd, plane, lambda deg: ijspeert(deg, pupil_mm, age_years, straylight))
+    return _transfer(cpd, plane, lambda deg: ijspeert(deg, pupil_diameter_mm, age_years, straylight))
 
 
 def _transfer(cpd: ArrayLike, plane: Callable[[Angles], Angles], density: radial.Density) -> Angles:

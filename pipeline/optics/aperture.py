@@ -35,7 +35,7 @@ XLA_ALIGNMENT = 64
 class Pose:
     """How everything in the eye stands at one moment."""
 
-    pupil_mm: float
+    pupil_diameter_mm: float
     """Diameter of the pupil; clamped to `PUPIL_RANGE_MM`."""
     defocus_d: float = 0.0
     """Error of accommodation in dioptres; not in these planes, but added to them."""
@@ -51,7 +51,7 @@ class Pose:
     @property
     def diameter_m(self) -> float:
         """Diameter of the pupil within `PUPIL_RANGE_MM`, in metres."""
-        return legal_pupil_mm(self.pupil_mm) * 1e-3
+        return legal_pupil_diameter_mm(self.pupil_diameter_mm) * 1e-3
 
     @property
     def parts_at_rest(self) -> bool:
@@ -59,10 +59,10 @@ class Pose:
         return self.lens_m is None and self.vitreous_deg == (0.0, 0.0)
 
 
-def legal_pupil_mm(pupil_mm: float) -> float:
+def legal_pupil_diameter_mm(pupil_diameter_mm: float) -> float:
     """A diameter clamped to `PUPIL_RANGE_MM`; NaN counts as the narrowest."""
     low, high = PUPIL_RANGE_MM
-    return min(max(low, pupil_mm), high)
+    return min(max(low, pupil_diameter_mm), high)
 
 
 def pupil_plane(observer: Observer, pose: Pose, n: int = 2048) -> Complex[Array, "n n"]:

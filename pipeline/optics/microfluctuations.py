@@ -67,15 +67,15 @@ def _band(range_hz: tuple[float, float], random: np.random.Generator, *, falls: 
     return Tones(2 * math.pi * hz, amplitude * np.exp(2j * math.pi * random.random(TONES)))
 
 
-def tones_d(seed: int, pupil_mm: float) -> Tones:
+def tones_d(seed: int, pupil_diameter_mm: float) -> Tones:
     """What accommodation does too much, in dioptres, of the eye of this seed with this pupil."""
     low, high = _unit_tones(seed)
     return Tones(
         np.concatenate([low.omega_rad_s, high.omega_rad_s]),
-        np.concatenate([LOW_RMS_D_PER_MM * pupil_mm * low.amplitude, HIGH_RMS_D * high.amplitude]),
+        np.concatenate([LOW_RMS_D_PER_MM * pupil_diameter_mm * low.amplitude, HIGH_RMS_D * high.amplitude]),
     )
 
 
-def fluctuation_d(seed: int, t_s: float, pupil_mm: float) -> float:
-    """The same at one time. Standard deviation over time: (0.033·pupil_mm, 0.08) D of the two bands."""
-    return float(tones_d(seed, pupil_mm).at(t_s).real.sum())
+def fluctuation_d(seed: int, t_s: float, pupil_diameter_mm: float) -> float:
+    """The same at one time. Standard deviation over time: (0.033·pupil_diameter_mm, 0.08) D of the two bands."""
+    return float(tones_d(seed, pupil_diameter_mm).at(t_s).real.sum())

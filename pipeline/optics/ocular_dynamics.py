@@ -21,7 +21,7 @@ from collections.abc import Sequence
 
 from entoptic.pipeline.observer import Observer
 from entoptic.pipeline.optics import lens_springs, microfluctuations, vitreous_motion
-from entoptic.pipeline.optics.aperture import Pose, legal_pupil_mm
+from entoptic.pipeline.optics.aperture import Pose, legal_pupil_diameter_mm
 from entoptic.pipeline.optics.lens_springs import LensState
 from entoptic.pipeline.optics.lids import clear_of
 from entoptic.pipeline.optics.value_noise import value_noise
@@ -62,37 +62,37 @@ def step(
     state: OcularState,
     observer: Observer,
     dt_s: float,
-    pupil_mm: float,
+    pupil_diameter_mm: float,
     impulses: Sequence[SaccadeImpulse] = (),
 ) -> OcularState:
     """The eye `dt_s` later, with these turns of the eye in between; the same to the bit for the same arguments.
 
     Exact for any `dt_s`. Where time stands still, goes backwards or is no finite number (`dt_s` ≤ 0, infinite or NaN)
-    no time passes: the state stays as it is, but for the impulses. `pupil_mm` is the pupil's mean diameter, clamped to
-    what a pupil can be; NaN counts as the narrowest. A part that `observer.ocular_dynamics` leaves off stays as it
-    is. The lens is moved by microfluctuations alone: without them it rests even where `lens` is on.
+    no time passes: the state stays as it is, but for the impulses. `pupil_diameter_mm` is the pupil's mean diameter,
+    clamped to what a pupil can be; NaN counts as the narrowest. A part that `observer.ocular_dynamics` leaves off
+    stays as it is. The lens is moved by microfluctuations alone: without them it rests even where `lens` is on.
     """
     living = observer.ocular_dynamics
     passed_s = dt_s if 0.0 < dt_s < math.inf else 0.0
-    pupil_mm = legal_pupil_mm(pupil_mm)
+    pupil_diameter_mm = legal_pupil_diameter_mm(pupil_diameter_mm)
     lens, vitreous = state.lens, state.vitreous
     if passed_s and _lens_moves(observer):
-        tones = microfluctuations.tones_d(observer.seed, pupil_mm)
+        tones = microfluctuations.tones_d(observer.seed, pupil_diameter_mm)
         lens = lens_springs.step(lens or lens_springs.at_rest(), state.t_s, passed_s, tones)
     if living.vitreous and (passed_s or impulses):
         vitreous = vitreous_motion.step(vitreous, passed_s, impulses)
-    return OcularState(state.t_s + passed_s, state.hippus_beats + passed_s / pupil_mm, lens, vitreous)
+    return OcularState(state.t_s + passed_s, state.hippus_beats + passed_s / pupil_diameter_mm, lens, vitreous)
 
 
-def pose_of(state: OcularState, observer: Observer, pupil_mm: float, openness: float, measured: bool) -> Pose:
+def pose_of(state: OcularState, observer: Observer, pupil_diameter_mm: float, openness: float, measured: bool) -> Pose:
     """How the eye stands: with everything in `observer.ocular_dynamics` off, at rest with this pupil.
 
-    `pupil_mm` is the same as for `step`. Where it is `measured` it contains its hippus already, and none is added.
-    `openness`, 0…1, is what the tracker says, and matters where `lids` is on; `squint` holds the lids no more open than
-    `observer.squint_openness`, with `lids` or without. What is out of range is clamped.
+    `pupil_diameter_mm` is the same as for `step`. Where it is `measured` it contains its hippus already, and none is
+    added. `openness`, 0…1, is what the tracker says, and matters where `lids` is on; `squint` holds the lids no more
+    open than `observer.squint_openness`, with `lids` or without. What is out of range is clamped.
     """
     living = observer.ocular_dynamics
-    mean_mm = legal_pupil_mm(pupil_mm)
+    mean_mm = legal_pupil_diameter_mm(pupil_diameter_mm)
     fluctuation_d = 0.0
     if living.microfluctuations:
         fluctuation_d = microfluctuations.fluctuation_d(observer.seed, state.t_s, mean_mm)
@@ -109,7 +109,7 @@ def pose_of(state: OcularState, observer: Observer, pupil_mm: float, openness: f
         lids = 1.0
     turned = living.vitreous and max(abs(deg) for deg in state.vitreous.deg) >= REST_DEG
     return Pose(
-        pupil_mm=used_mm,
+        pupil_diameter_mm=used_mm,
         defocus_d=observer.defocus_d + fluctuation_d,
         openness=lids,
         lashes=lashes,
@@ -122,7 +122,7 @@ def hippus_mm(mean_mm: float, beats: float, seed: int) -> float:
     """A pupil of this mean diameter as it wavers, clamped to what a pupil can be (RIT 1, KRI 4.7)."""
     share = mean_mm / HIPPUS_MAX_MM
     noise = HIPPUS_NOISE * value_noise(beats, seed ^ _HIPPUS_STREAM)
-    return legal_pupil_mm(mean_mm + noise / share * math.sqrt(1.0 - share))
+    return legal_pupil_diameter_mm(mean_mm + noise / share * math.sqrt(1.0 - share))
 
 
 def _lens_moves(observer: Observer) -> bool:

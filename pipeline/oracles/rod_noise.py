@@ -24,7 +24,7 @@ Reals = NDArray[np.float64]
 
 
 def noisy(
-    rgb: Reals, time_s: float, pupil_mm: float, pixels_per_deg: float, settings: RodNoise, eye: int, eyes: int
+    rgb: Reals, time_s: float, pupil_diameter_mm: float, pixels_per_deg: float, settings: RodNoise, eye: int, eyes: int
 ) -> Reals:
     """An image in cd/m², (3, y, x), as the rods of one of so many eyes count it."""
     grain_px = max(1, round(settings.grain_deg * pixels_per_deg))
@@ -40,7 +40,7 @@ def noisy(
     # Rows are mixed before columns; both are linear, so it does not matter.
     z = _mean_of_two(upper, lower, down)
     rods = RODS_PER_DEG2 * settings.grain_deg**2 * INTEGRATION_S
-    trolands_per_cd_m2 = math.pi / 4 * pupil_mm**2
+    trolands_per_cd_m2 = math.pi / 4 * pupil_diameter_mm**2
     light = np.maximum(np.einsum("c,cyx->yx", np.array(SCOTOPIC_WEIGHTS), rgb), 0)
     per_cd_m2, heat = rods * ISOMERISATIONS * trolands_per_cd_m2, rods * THERMAL_PER_S
     events = per_cd_m2 * light + heat

@@ -24,7 +24,7 @@ STATE_COLUMNS = (
     *(
         f"{eye}_{quantity}"
         for eye in ("right", "left")
-        for quantity in ("phase", "diameter_mm", "measured_mm", "confidence", "openness", "borrowed")
+        for quantity in ("phase", "pupil_diameter_mm", "measured_mm", "confidence", "openness", "borrowed")
     ),
 )
 EVENT_COLUMNS = ("t_s", "event", "eye", "duration_ms", "amplitude_deg", "peak_velocity_deg_s", "detail")
@@ -79,7 +79,7 @@ class Tables:
         cells: list[object] = [state.sequence, self._seconds(state.t_ns)]
         cells += ["", ""] if gaze is None else [f"{gaze.azimuth_deg:.4f}", f"{gaze.elevation_deg:.4f}"]
         for one in (state.right, state.left):
-            cells += [one.phase.value, *(_number(value) for value in (one.diameter_mm, one.measured_mm))]
+            cells += [one.phase.value, *(_number(value) for value in (one.pupil_diameter_mm, one.measured_mm))]
             cells += [_number(one.confidence), _number(one.openness), int(one.borrowed)]
         return cells
 

@@ -18,7 +18,7 @@ from entoptic.services.terminal import console
 def psf(
     settings: ObserverConfig,
     out: Annotated[Path, typer.Option(help="Folder for the results.")] = Path("psf"),
-    pupil_mm: Annotated[float, typer.Option(min=2, max=8, help="Pupil diameter.")] = 5.0,
+    pupil_diameter_mm: Annotated[float, typer.Option(min=2, max=8, help="Pupil diameter.")] = 5.0,
     openness: Annotated[float, typer.Option(min=0, max=1, help="How far the lids are open.")] = 1.0,
     spectrum: Annotated[
         str,
@@ -57,7 +57,7 @@ def psf(
     if save_observer is not None:
         settings_file.refuse_unwritable(save_observer)
     observer = tuned.observer
-    pose = Pose(pupil_mm, observer.defocus_d, openness, observer.ocular_dynamics.lashes)
+    pose = Pose(pupil_diameter_mm, observer.defocus_d, openness, observer.ocular_dynamics.lashes)
     subject = Subject(observer, pose, tuned.glare.model, adaptation, spectrum, wavelengths)
     results.run(subject, out, console, size_px=size_px, field_deg=field_deg, with_sheets=sheets, film_s=film)
     if save_observer is not None:

@@ -43,4 +43,4 @@ def render(
         took = "" if milliseconds is None else f"{milliseconds:.0f}"
         table.add_row(step.effect, step.level, step.reason, hides, took)
     console.print(table)
-    console.print(f"pupil {perceived.pupil_mm[0]:.2f} mm, wrote [b]{escape(str(output))}[/b]", soft_wrap=True)
+    console.print(f"pupil {perceived.pupil_diameter_mm[0]:.2f} mm, wrote [b]{escape(str(output))}[/b]", soft_wrap=True)

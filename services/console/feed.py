@@ -149,7 +149,7 @@ def _waiting(socket: zmq.Socket[bytes]) -> Iterable[list[bytes]]:
 def _trace(states: list[wire.OneEyeState]) -> EyeTrace:
     return EyeTrace(
         [_short(state.measured_mm) for state in states],
-        [_short(state.diameter_mm) for state in states],
+        [_short(state.pupil_diameter_mm) for state in states],
         [state.phase.value for state in states],
         [_short(state.openness) for state in states],
         [state.borrowed for state in states],

@@ -106,7 +106,7 @@ class EyeTrace(msgspec.Struct, frozen=True):
 
     measured_mm: list[float | None]
     """As the tracker gave it, nonsense included."""
-    diameter_mm: list[float | None]
+    pupil_diameter_mm: list[float | None]
     """As trusted and filtered."""
     phase: list[str]
     """tracking, closing, blink, opening, dropout or lost: shade what is not `tracking`."""

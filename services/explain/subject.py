@@ -67,7 +67,7 @@ def refuse_unwritable(path: Path, suffix: str = ".png") -> None:
 def from_image(image: str, still: StillConfig, settings: Settings) -> Subject:
     """An image, or the first frame of a scene, before one eye. Raises FrameError for what cannot be seen or read."""
     lights = tuple(_light(text) for text in still.lights)
-    pose = EyePose(*_direction(still.gaze), still.pupil_mm)
+    pose = EyePose(*_direction(still.gaze), still.pupil_diameter_mm)
     scene = open_scene(image, mean_luminance_cd_m2=still.mean_luminance_cd_m2)
     frame = scene.frame(0.0, scene.view_for(still.width_px, still.height_px, still.fov_deg), Head(), (Eye.LEFT,))
     return Subject(
@@ -166,4 +166,4 @@ def _pose(row: Mapping[str, str], name: str, view: View) -> EyePose:
     up = (view.height_px / 2 - float(row[f"{name}_gaze_y_px"])) / view.focal_px
     azimuth = math.atan(right)
     elevation = math.atan(up * math.cos(azimuth))
-    return EyePose(math.degrees(azimuth), math.degrees(elevation), float(row[f"{name}_pupil_mm"]))
+    return EyePose(math.degrees(azimuth), math.degrees(elevation), float(row[f"{name}_pupil_diameter_mm"]))

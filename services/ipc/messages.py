@@ -64,7 +64,7 @@ class EyeShown(msgspec.Struct, frozen=True):
     """To the right and up, from straight ahead of the head."""
     gaze_px: tuple[float, float]
     """In this eye's image, from its upper left corner."""
-    pupil_mm: float
+    pupil_diameter_mm: float
     openness: float
     adapted_cd_m2: float
     mean_cd_m2: float
@@ -146,7 +146,7 @@ class EngineEye(msgspec.Struct, frozen=True):
     """0 lid closed … 1 open."""
     blink: bool
     """Whether a lid moves or is down: the phases closing, blink and opening."""
-    pupil_mm: float
+    pupil_diameter_mm: float
     adapted_cd_m2: float
     glare: str
     """The level; `skipped` and `off` mean that there is nothing to do, `veil` that only the veil is to be applied."""

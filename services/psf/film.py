@@ -48,7 +48,7 @@ def write(folder: Path, subject: Subject, seconds: float, progress: Callable[[in
     on_strip = {round(k * (count - 1) / max(STRIP - 1, 1)) for k in range(STRIP)}
     strip: list[tuple[str, Subject]] = []
     saccades = np.random.default_rng([observer.seed, _SACCADE_STREAM])
-    state, mean_mm = ocular_dynamics.at_rest(observer), subject.pose.pupil_mm
+    state, mean_mm = ocular_dynamics.at_rest(observer), subject.pose.pupil_diameter_mm
     with film(folder / "psf.mp4", (SIDE_PX, SIDE_PX), FPS) as video:
         for number in range(count):
             t_s = number / FPS
@@ -57,7 +57,8 @@ def write(folder: Path, subject: Subject, seconds: float, progress: Callable[[in
             image = displayed(radiance(now, SIDE_PX, FIELD_DEG))
             video.write(np.where(ruler > 0, ruler, image).astype(np.uint8))
             if number in on_strip:
-                words = f"{t_s:.2f} s · {pose.pupil_mm:.2f} mm · {pose.defocus_d:+.2f} D · lids {pose.openness:.0%}"
+                mm = pose.pupil_diameter_mm
+                words = f"{t_s:.2f} s · {mm:.2f} mm · {pose.defocus_d:+.2f} D · lids {pose.openness:.0%}"
                 strip.append((words, now))
             state = ocular_dynamics.step(state, observer, 1 / FPS, mean_mm, _impulses(t_s, saccades))
             progress(number + 1, count)

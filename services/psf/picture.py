@@ -59,8 +59,8 @@ def radiance(subject: Subject, size_px: int, field_deg: float) -> Float[np.ndarr
 def _without_core(subject: Subject) -> Subject:
     """All of a subject that its formula depends on, so that pictures of one sheet need it once."""
     person = Observer(age_years=subject.observer.age_years, iris=subject.observer.iris)
-    pupil_mm = subject.pose.pupil_mm if subject.model is GlareModel.IJSPEERT else PUPIL_RANGE_MM[0]
-    return dataclasses.replace(subject, observer=person, pose=Pose(pupil_mm))
+    pupil_diameter_mm = subject.pose.pupil_diameter_mm if subject.model is GlareModel.IJSPEERT else PUPIL_RANGE_MM[0]
+    return dataclasses.replace(subject, observer=person, pose=Pose(pupil_diameter_mm))
 
 
 @functools.lru_cache(maxsize=4)

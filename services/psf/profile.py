@@ -85,13 +85,13 @@ def write_tables(subject: Subject, folder: Path) -> None:
     rings = {name: density(within, *edges) for name, within in functions.items()}
     _write(folder / "profile.csv", angles | rings)
     _write(folder / "encircled.csv", angles | {name: within(THETA_DEG) for name, within in functions.items()})
-    age, pupil_mm = subject.observer.age_years, subject.pose.diameter_m * 1e3
+    age, pupil_diameter_mm = subject.observer.age_years, subject.pose.diameter_m * 1e3
     transfer = {
         "cycles_per_deg": CPD,
         "cie135": analytic.cie135_mtf(CPD, age, subject.pigmentation),
-        "ijspeert": analytic.ijspeert_mtf(CPD, pupil_mm, age, analytic.STRAYLIGHT[subject.observer.iris]),
+        "ijspeert": analytic.ijspeert_mtf(CPD, pupil_diameter_mm, age, analytic.STRAYLIGHT[subject.observer.iris]),
         "spe": analytic.spe_mtf(CPD, subject.adapted_cd_m2, age),
-        "clear_pupil_555_nm": analytic.diffraction_mtf(CPD, pupil_mm, 555.0),
+        "clear_pupil_555_nm": analytic.diffraction_mtf(CPD, pupil_diameter_mm, 555.0),
     }
     _write(folder / "mtf.csv", transfer)
 

@@ -89,7 +89,7 @@ def scale_for(subject: Subject, field_deg: float) -> Scale:
 def captions(subject: Subject) -> list[str]:
     """What was shown, in two lines."""
     eye, pose = subject.observer, subject.pose
-    first = f"pupil {pose.pupil_mm:g} mm · {eye.age_years:g} years, {eye.iris.value} iris"
+    first = f"pupil {pose.pupil_diameter_mm:g} mm · {eye.age_years:g} years, {eye.iris.value} iris"
     first += f" · light {Path(subject.spectrum).stem} at {subject.wavelengths} wavelengths"
     if pose.defocus_d:
         first += f" · defocus {pose.defocus_d:+g} D"

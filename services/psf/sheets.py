@@ -55,7 +55,7 @@ def anatomy(subject: Subject) -> Sheet:
     clear = _posed(_observed(subject, **none), openness=1.0, lashes=False)
     lidded = _posed(clear, openness=0.5)
     parts = [
-        (f"pupil of {subject.pose.pupil_mm:g} mm", clear),
+        (f"pupil of {subject.pose.pupil_diameter_mm:g} mm", clear),
         (f"{eye.particles} lens particles", _observed(clear, particles=eye.particles)),
         (f"{eye.cornea_cells} cornea cells", _observed(clear, cornea_cells=eye.cornea_cells)),
         (f"{eye.vitreous_particles} vitreous particles", _observed(clear, vitreous_particles=eye.vitreous_particles)),
@@ -70,13 +70,15 @@ def anatomy(subject: Subject) -> Sheet:
 
 def pupils(subject: Subject) -> Sheet:
     """LUI Fig 5.6."""
-    return Sheet("Pupil (LUI Fig 5.6)", [[(f"{mm} mm", _posed(subject, pupil_mm=float(mm))) for mm in (2, 4, 6, 8)]])
+    return Sheet(
+        "Pupil (LUI Fig 5.6)", [[(f"{mm} mm", _posed(subject, pupil_diameter_mm=float(mm))) for mm in (2, 4, 6, 8)]]
+    )
 
 
 def particles(subject: Subject) -> Sheet:
     """LUI Fig 5.7."""
     row = [(f"{number} particles", _observed(subject, particles=number)) for number in (200, 1000, 2000, 4000)]
-    return Sheet(f"Number of lens particles at a pupil of {subject.pose.pupil_mm:g} mm (LUI Fig 5.7)", [row])
+    return Sheet(f"Number of lens particles at a pupil of {subject.pose.pupil_diameter_mm:g} mm (LUI Fig 5.7)", [row])
 
 
 def particle_sizes(subject: Subject) -> Sheet:

@@ -75,7 +75,7 @@ def _page(folder: Path, summary: dict[str, Any], states: Table, events: Table, p
         gaps=gaps,
         key_frames=pairs[:: max(math.ceil(len(pairs) / MOST_PAIRS), 1)],
         pairs=len(pairs),
-        eyes=[eye for eye in ("left", "right") if f"{eye}_pupil_mm" in plan],
+        eyes=[eye for eye in ("left", "right") if f"{eye}_pupil_diameter_mm" in plan],
         effects=_effects(plan),
         events=Counter(events.get("event", ())).most_common(),
         latency=[(name, *np.percentile(times, (50, 95))) for name, times in latencies(plan).items()],

@@ -107,7 +107,7 @@ def _pupils(subject: Subject) -> Figure:
         measured = numbers(states[f"{eye}_measured_mm"])
         credible = np.where((measured > 0) & (measured < 10), measured, np.nan)
         _line(one, t_s, credible, ".", ms=2, color="#999999")
-        _line(one, t_s, numbers(states[f"{eye}_diameter_mm"]), color=COLOURS[eye], lw=1.4)
+        _line(one, t_s, numbers(states[f"{eye}_pupil_diameter_mm"]), color=COLOURS[eye], lw=1.4)
         _shade(one, t_s, states[f"{eye}_phase"], 0, 1)
         _shade_gaps(one, subject.gaps, t_s[-1])
         one.set(ylabel=f"{eye} pupil / mm", ylim=(1, 9))

@@ -60,7 +60,15 @@ def plan_columns(eyes: Sequence[Eye]) -> list[str]:
     """The header of plan.csv."""
     columns = ["frame", "t_s"]
     for eye in eyes:
-        quantities = ("phase", "pupil_mm", "gaze_x_px", "gaze_y_px", "adapted_cd_m2", "mean_cd_m2", "max_cd_m2")
+        quantities = (
+            "phase",
+            "pupil_diameter_mm",
+            "gaze_x_px",
+            "gaze_y_px",
+            "adapted_cd_m2",
+            "mean_cd_m2",
+            "max_cd_m2",
+        )
         columns += [f"{eye.name.lower()}_{quantity}" for quantity in quantities]
     for effect in EFFECTS:
         columns += [f"{effect.name}_{quantity}" for quantity in ("level", "reason", "ms")]
@@ -113,7 +121,7 @@ class Tally:
             pose, measured = rendered.poses[k], perceived.measured[k]
             x_px, y_px = rendered.frame.view.pixel_of(pose.azimuth_deg, pose.elevation_deg)
             phase = "none" if rendered.state is None else rendered.state.of(eye).phase.value
-            cells += [phase, f"{perceived.pupil_mm[k]:.3f}", f"{x_px:.1f}", f"{y_px:.1f}"]
+            cells += [phase, f"{perceived.pupil_diameter_mm[k]:.3f}", f"{x_px:.1f}", f"{y_px:.1f}"]
             light = (perceived.state.adapted_cd_m2[k], measured.mean_cd_m2, measured.max_cd_m2)
             cells += [f"{cd_m2:.4g}" for cd_m2 in light]
         milliseconds = {"scene": rendered.scene_ms, **perceived.milliseconds}

@@ -83,7 +83,7 @@ def _eye(rendered: Rendered, k: int, eye: Eye, effects: Effects, display: Displa
         gaze_deg=(pose.azimuth_deg, pose.elevation_deg),
         openness=pose.openness,
         blink=phase in (Phase.CLOSING, Phase.BLINK, Phase.OPENING),
-        pupil_mm=perceived.pupil_mm[k],
+        pupil_diameter_mm=perceived.pupil_diameter_mm[k],
         adapted_cd_m2=adapted_cd_m2,
         glare=glare.level,
         kernel=number if glare.runs else 0,

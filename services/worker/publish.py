@@ -237,7 +237,7 @@ def eye_shown(rendered: Rendered, k: int, eye: Eye) -> EyeShown:
         phase="none" if rendered.state is None else rendered.state.of(eye).phase.value,
         gaze_deg=(pose.azimuth_deg, pose.elevation_deg),
         gaze_px=gaze_px,
-        pupil_mm=perceived.pupil_mm[k],
+        pupil_diameter_mm=perceived.pupil_diameter_mm[k],
         openness=pose.openness,
         adapted_cd_m2=perceived.state.adapted_cd_m2[k],
         mean_cd_m2=perceived.measured[k].mean_cd_m2,

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 from entoptic.pipeline import Effects, EyePose, Frame, Glare, Observer, Perceived, Planning, RenderState, View, perceive
 
 SMALL = Observer(particles=50, gratings=20)
-EYE = EyePose(pupil_mm=4.0)
+EYE = EyePose(pupil_diameter_mm=4.0)
 FOV_DEG = 60.0
 SPREAD = Glare()
 UNSPREAD = Glare(above_display=True)

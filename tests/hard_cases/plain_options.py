@@ -81,7 +81,9 @@ def at(values: Reals, rows: Reals, columns: Reals) -> Reals:
     return np.asarray(scipy.ndimage.map_coordinates(values, places, order=1, mode="nearest"))
 
 
-def rod_noise(rgb: Reals, elapsed_s: float, pupil_mm: float, pixels_per_deg: float, settings: RodNoise) -> Reals:
+def rod_noise(
+    rgb: Reals, elapsed_s: float, pupil_diameter_mm: float, pixels_per_deg: float, settings: RodNoise
+) -> Reals:
     """Counts of light and heat with a variance of their own, by Anscombe's root; drawn by the same hash."""
     slot, fraction = divmod(elapsed_s / 0.1, 1.0)
     grain_px = max(1, round(settings.grain_deg * pixels_per_deg))
@@ -94,7 +96,7 @@ def rod_noise(rgb: Reals, elapsed_s: float, pupil_mm: float, pixels_per_deg: flo
         low = place.astype(int)
         noise = _between(noise[low], noise[low + 1], (place - low)[:, None]).T
     rods = 7000 * settings.grain_deg**2
-    per_scotopic, thermal = rods * 0.1 * 8.6 * math.pi / 4 * pupil_mm**2, rods * 0.1 / 160
+    per_scotopic, thermal = rods * 0.1 * 8.6 * math.pi / 4 * pupil_diameter_mm**2, rods * 0.1 / 160
     events = per_scotopic * np.einsum("c,cyx->yx", SCOTOPIC_WEIGHTS, rgb) + thermal
     counted = (noise / 2 + np.sqrt(events - 0.25)) ** 2
     fade = np.clip(1 - adaptation.luminance(rgb) / settings.below_cd_m2, 0, 1)
@@ -134,7 +136,9 @@ def cones() -> Reals:
     return np.asarray(of_rgb / of_rgb.sum(axis=1, keepdims=True))
 
 
-def bleached(rgb: Reals, view: View, gaze_px: tuple[float, float], pupil_mm: float, dt_s: float, count: int) -> Reals:
+def bleached(
+    rgb: Reals, view: View, gaze_px: tuple[float, float], pupil_diameter_mm: float, dt_s: float, count: int
+) -> Reals:
     """Of a rested retina after so long before a frame: Rushton's exponential, over a map of count² cells of ±75°."""
     deg = np.linspace(-75, 75, count)
     right, up = np.meshgrid(deg, -deg)
@@ -155,7 +159,7 @@ def bleached(rgb: Reals, view: View, gaze_px: tuple[float, float], pupil_mm: flo
     catches = np.einsum("cj,jyx->cyx", cones(), nodes / counts)
     places = np.stack([row_px / down - 0.5, column_px / across - 0.5])
     light = np.stack([scipy.ndimage.map_coordinates(one, places, order=1, mode="nearest") for one in catches])
-    relative = np.maximum(light, 0) * lit * math.pi / 4 * pupil_mm**2 / 10**4.3
+    relative = np.maximum(light, 0) * lit * math.pi / 4 * pupil_diameter_mm**2 / 10**4.3
     return np.asarray(relative / (1 + relative) * -np.expm1(-dt_s * (1 + relative) / 110))
 
 

@@ -84,7 +84,7 @@ def test_both_eyes_lost_keep_what_was_last_known() -> None:
     for eye in Eye:
         assert largest_change(seen, eye) <= 1
         pose = pose_of(told[-1], eye)
-        assert pose.pupil_mm == pytest.approx(4.0, abs=0.01)
+        assert pose.pupil_diameter_mm == pytest.approx(4.0, abs=0.01)
         assert (pose.azimuth_deg, pose.elevation_deg) == (6.0, -2.0)
 
 
@@ -95,7 +95,7 @@ def test_eyes_that_were_never_seen_look_straight_ahead_with_the_pupil_that_the_l
     (seen,) = session([state])
     expected = perceive(pair(), EyePose(), observer=SMALL)
     assert np.array_equal(seen.image, expected.image)
-    assert all(2.0 < mm < 8.0 for mm in seen.pupil_mm)
+    assert all(2.0 < mm < 8.0 for mm in seen.pupil_diameter_mm)
 
 
 def test_eyes_that_come_back_do_not_flash() -> None:

@@ -17,10 +17,10 @@ lengths = st.one_of(st.sampled_from([0.0, 1e-9, 1 / 60, 10.0, 1e9, -1.0, math.na
 pupils = st.sampled_from([0.0, -3.0, 1.9, 2.0, 5.0, 8.0, 9.0, 1e30, math.nan, math.inf])
 
 
-def check(state: OcularState, observer: Observer, pupil_mm: float) -> None:
+def check(state: OcularState, observer: Observer, pupil_diameter_mm: float) -> None:
     for measured in (False, True):
-        pose = pose_of(state, observer, pupil_mm, 0.5, measured)
-        assert 2.0 <= pose.pupil_mm <= 8.0
+        pose = pose_of(state, observer, pupil_diameter_mm, 0.5, measured)
+        assert 2.0 <= pose.pupil_diameter_mm <= 8.0
         assert abs(pose.defocus_d - observer.defocus_d) < 1.5
         assert 0.0 <= pose.openness <= 1.0
         assert all(math.isfinite(deg) for deg in pose.vitreous_deg)
@@ -32,9 +32,9 @@ def check(state: OcularState, observer: Observer, pupil_mm: float) -> None:
 def test_no_step_and_no_pupil_makes_an_eye_leave_its_range(steps: list[tuple[float, float]], seed: int) -> None:
     observer = Observer(seed=seed, ocular_dynamics=ALIVE.ocular_dynamics)
     state = at_rest(observer)
-    for dt_s, pupil_mm in steps:
-        state = step(state, observer, dt_s, pupil_mm, (SaccadeImpulse(1.0, 1.0),))
-        check(state, observer, pupil_mm)
+    for dt_s, pupil_diameter_mm in steps:
+        state = step(state, observer, dt_s, pupil_diameter_mm, (SaccadeImpulse(1.0, 1.0),))
+        check(state, observer, pupil_diameter_mm)
 
 
 def test_a_million_years_end_in_the_same_eye_as_a_second_step_of_none() -> None:
@@ -48,7 +48,7 @@ def test_a_day_of_frames_neither_drifts_nor_grows() -> None:
     there = [pose_of(state := step(state, ALIVE, 1 / 60, 4.0), ALIVE, 4.0, 1.0, False) for _ in range(600)]
     for before, after in itertools.pairwise(there):
         assert abs(after.defocus_d - before.defocus_d) < 0.1
-        assert abs(after.pupil_mm - before.pupil_mm) < 0.05
+        assert abs(after.pupil_diameter_mm - before.pupil_diameter_mm) < 0.05
     check(state, ALIVE, 4.0)
 
 

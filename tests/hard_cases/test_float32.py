@@ -134,5 +134,5 @@ def test_a_whole_frame_is_within_one_code_value(name: str) -> None:
     kernel = mixture(GlareModel.CIE, SMALL, Pose(4.0), 1.0, VIEW.ppd_centre)
     codes, _ = plain_whole.perceived(exact, VIEW, lambda light: reference_glare(light, VIEW, *of_mixture(kernel)))
     glare = Glare(GlareModel.CIE, GlareLevel.FRAME)
-    image = see(rgb.transpose(1, 2, 0), EyePose(pupil_mm=4.0), glare=glare).image[0]
+    image = see(rgb.transpose(1, 2, 0), EyePose(pupil_diameter_mm=4.0), glare=glare).image[0]
     assert np.abs(image.astype(int) - codes.astype(int)).max() <= 1

@@ -32,12 +32,12 @@ NOISES = [RodNoise(on=True), RodNoise(on=True, seed=2**32 - 1, grain_deg=0.25, b
 @every_frame
 @pytest.mark.parametrize("settings", NOISES, ids=["default", "own light"])
 @pytest.mark.parametrize("elapsed_s", [0.0, 1.2345, 3600.05])
-@pytest.mark.parametrize("pupil_mm", [2.0, 7.0])
-def test_rod_noise_is_within_1e_6(name: str, settings: RodNoise, elapsed_s: float, pupil_mm: float) -> None:
+@pytest.mark.parametrize("pupil_diameter_mm", [2.0, 7.0])
+def test_rod_noise_is_within_1e_6(name: str, settings: RodNoise, elapsed_s: float, pupil_diameter_mm: float) -> None:
     """Of the pixel, before or after; the light of heat, 1e-4 cd/m², is rounded as well where it is all there is."""
     rgb, exact = of_name(name)
-    image = rod_noise.add_noise(jnp.asarray(rgb)[None], elapsed_s, [pupil_mm], 14.0, settings)
-    truth = plain_options.rod_noise(exact, elapsed_s, pupil_mm, 14.0, settings)
+    image = rod_noise.add_noise(jnp.asarray(rgb)[None], elapsed_s, [pupil_diameter_mm], 14.0, settings)
+    truth = plain_options.rod_noise(exact, elapsed_s, pupil_diameter_mm, 14.0, settings)
     assert np.abs(truth - exact).max() > 1e-4
     apart = np.abs(np.asarray(image)[0] - truth)
     assert (apart <= 1e-6 * np.maximum(exact, truth) + (3e-10 if settings.own_light else 0)).all()
@@ -150,7 +150,7 @@ def stared(name: str, gaze_px: tuple[float, float], dt_s: float) -> tuple[Retina
     rgb = wide(name)
     rested = afterimage.rested(Afterimage(on=True, cell_deg=1.5))
     retina = afterimage.step(
-        rested, jnp.asarray(rgb), WIDE, gaze_px, pupil_mm=PUPIL_MM, openness=1.0, dt_s=dt_s, exposure=1.0
+        rested, jnp.asarray(rgb), WIDE, gaze_px, pupil_diameter_mm=PUPIL_MM, openness=1.0, dt_s=dt_s, exposure=1.0
     )
     cells = rested.bleached.shape[1]
     return retina, plain_options.bleached(rgb.astype(np.float64), WIDE, gaze_px, PUPIL_MM, dt_s, cells)

@@ -49,7 +49,7 @@ def test_a_frame_without_a_finite_pixel_is_refused_by_name() -> None:
 def test_starlight_and_the_sun_together() -> None:
     frame = grey(1e-6)
     frame[3, 3] = 1.6e9
-    perceived = see(frame, EyePose(azimuth_deg=20, elevation_deg=-20, pupil_mm=7.0))
+    perceived = see(frame, EyePose(azimuth_deg=20, elevation_deg=-20, pupil_diameter_mm=7.0))
     # Not quite white: an eye adapted to starlight sees with rods, whose grey is tinted.
     assert perceived.image[0, 3, 3].min() >= 250
     assert np.isfinite(np.asarray(perceived.linear)).all()
@@ -97,10 +97,10 @@ def test_two_half_steps_of_time_are_one_step() -> None:
     assert half == pytest.approx(adaptation.adapt_cd_m2(0.2, 30.0, 0.1), rel=1e-12)
 
 
-@pytest.mark.parametrize("pupil_mm", [0.0, -1.0, math.nan, math.inf, 13.0])
-def test_an_impossible_pupil_is_refused_by_name(pupil_mm: float) -> None:
+@pytest.mark.parametrize("pupil_diameter_mm", [0.0, -1.0, math.nan, math.inf, 13.0])
+def test_an_impossible_pupil_is_refused_by_name(pupil_diameter_mm: float) -> None:
     with pytest.raises(FrameError, match="pupil"):
-        EyePose(pupil_mm=pupil_mm)
+        EyePose(pupil_diameter_mm=pupil_diameter_mm)
 
 
 @pytest.mark.parametrize("azimuth_deg", [math.nan, math.inf])
@@ -118,7 +118,9 @@ def test_a_gaze_outside_the_frame_is_legal(azimuth_deg: float) -> None:
 
 def test_a_change_of_resolution_in_mid_session_keeps_the_state() -> None:
     state = see(grey(5.0)).state
-    again = perceive(Frame.from_rgb(grey(5.0, 33, 77), FOV_DEG), EyePose(pupil_mm=5.0), observer=SMALL, state=state)
+    again = perceive(
+        Frame.from_rgb(grey(5.0, 33, 77), FOV_DEG), EyePose(pupil_diameter_mm=5.0), observer=SMALL, state=state
+    )
     assert again.state.adapted_cd_m2 == pytest.approx(state.adapted_cd_m2)
 
 

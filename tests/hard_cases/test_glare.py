@@ -152,14 +152,16 @@ def test_a_kernel_larger_than_the_frame(size: tuple[int, int], level: GlareLevel
         np.testing.assert_allclose(image, expected, rtol=1e-4, atol=1e-4 * rgb.max())
 
 
-@pytest.mark.parametrize("pupil_mm", [0.0, -1.0, math.nan, math.inf])
-def test_an_impossible_pupil_is_refused_by_name(pupil_mm: float) -> None:
+@pytest.mark.parametrize("pupil_diameter_mm", [0.0, -1.0, math.nan, math.inf])
+def test_an_impossible_pupil_is_refused_by_name(pupil_diameter_mm: float) -> None:
     with pytest.raises(FrameError, match="pupil"):
-        EyePose(pupil_mm=pupil_mm)
+        EyePose(pupil_diameter_mm=pupil_diameter_mm)
 
 
-@pytest.mark.parametrize(("pupil_mm", "counts_as"), [(0.5, 2.0), (1.9999, 2.0), (12.0, 8.0)])
-def test_a_pupil_out_of_range_counts_as_the_nearest(pupil_mm: float, counts_as: float) -> None:
-    at = [models.mixture(glare.GlareModel.IJSPEERT, OBSERVER, Pose(mm), 1.0, 8.0) for mm in (pupil_mm, counts_as)]
+@pytest.mark.parametrize(("pupil_diameter_mm", "counts_as"), [(0.5, 2.0), (1.9999, 2.0), (12.0, 8.0)])
+def test_a_pupil_out_of_range_counts_as_the_nearest(pupil_diameter_mm: float, counts_as: float) -> None:
+    at = [
+        models.mixture(glare.GlareModel.IJSPEERT, OBSERVER, Pose(mm), 1.0, 8.0) for mm in (pupil_diameter_mm, counts_as)
+    ]
     assert at[0] == at[1]
-    assert models.pupil_steps(pupil_mm) == models.pupil_steps(counts_as)
+    assert models.pupil_steps(pupil_diameter_mm) == models.pupil_steps(counts_as)

@@ -17,10 +17,10 @@ def test_watson_yellott() -> None:
     assert pupil.watson_yellott_mm(1, 900, 45) == pytest.approx(5.240, abs=5e-4)
 
 
-@pytest.mark.parametrize(("luminance", "pupil_mm"), [(0.01, 6.040), (10.0, 2.908), (1000.0, 2.135)])
-def test_moon_and_spencers_pupil(luminance: float, pupil_mm: float) -> None:
+@pytest.mark.parametrize(("luminance", "pupil_diameter_mm"), [(0.01, 6.040), (10.0, 2.908), (1000.0, 2.135)])
+def test_moon_and_spencers_pupil(luminance: float, pupil_diameter_mm: float) -> None:
     """4.9 − 3·tanh(0.4·(log10 L + 1)): the pupil by which rods' colour counts trolands."""
-    assert tints._pupil_mm(luminance) == pytest.approx(pupil_mm, abs=5e-4)
+    assert tints._pupil_diameter_mm(luminance) == pytest.approx(pupil_diameter_mm, abs=5e-4)
 
 
 @pytest.mark.parametrize(

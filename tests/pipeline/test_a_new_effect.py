@@ -76,8 +76,8 @@ from entoptic.pipeline.cost.whole_frame import COMBINED
 toy = next(effect for effect in EFFECTS if effect.name == "dimming")
 rows = measure_effect(toy, SceneViewing(scene("dusk", 24, 26)), 0)
 frame = Frame.from_rgb(np.full((40, 40, 3), 5.0), 40.0)
-seen = perceive(frame, EyePose(pupil_mm=4.0))
-without = perceive(frame, EyePose(pupil_mm=4.0), planning=Planning(leave_out=frozenset({"dimming"})))
+seen = perceive(frame, EyePose(pupil_diameter_mm=4.0))
+without = perceive(frame, EyePose(pupil_diameter_mm=4.0), planning=Planning(leave_out=frozenset({"dimming"})))
 step = seen.plan["dimming"]
 loaded = load("dim.toml")
 sys.path.insert(0, sys.argv[1])

@@ -176,7 +176,9 @@ def test_what_the_plan_says_runs_is_drawn_and_nothing_else(
     effects = Effects(
         **{effect.name: next(iter(effect.variants().values())) for effect in EFFECTS if effect.name != "tone"}
     )
-    seen = perceive(list(frames())[k], EyePose(pupil_mm=5.0), observer=OBSERVER, effects=effects, planning=planning)
+    seen = perceive(
+        list(frames())[k], EyePose(pupil_diameter_mm=5.0), observer=OBSERVER, effects=effects, planning=planning
+    )
     said = [(step.effect, level) for step in seen.plan for level in step.weights if step.runs and level != SKIPPED]
     assert drawn == said
     assert [step.effect for step in seen.plan] == [effect.name for effect in EFFECTS]
@@ -189,7 +191,7 @@ def test_leaving_it_out_gives_the_picture_without_it(effect: Effect, settings: m
     frame = next(frames())
     without = perceive(
         frame,
-        EyePose(pupil_mm=5.0),
+        EyePose(pupil_diameter_mm=5.0),
         observer=OBSERVER,
         effects=Effects(**{effect.name: settings}),
         planning=Planning(everything=True, leave_out=frozenset({effect.name})),

@@ -122,9 +122,9 @@ def test_adaptation_follows_the_gaze_and_time() -> None:
 
 
 def test_without_a_measured_pupil_it_is_what_light_and_age_make_it() -> None:
-    young, old = (perceive(room(1.0), observer=Observer(age_years=age)).pupil_mm[0] for age in (20, 80))
+    young, old = (perceive(room(1.0), observer=Observer(age_years=age)).pupil_diameter_mm[0] for age in (20, 80))
     assert 2 < old < young < 8
-    assert perceive(room(1000.0), observer=OBSERVER).pupil_mm[0] < young
+    assert perceive(room(1000.0), observer=OBSERVER).pupil_diameter_mm[0] < young
 
 
 def test_a_wider_pupil_has_a_stronger_halo() -> None:
@@ -134,7 +134,9 @@ def test_a_wider_pupil_has_a_stronger_halo() -> None:
     away_deg = np.hypot(x - 91, y - 101) / frame.view.ppd_centre
     ring = (away_deg > 2.5) & (away_deg < 3.5)
     narrow, wide = (
-        np.asarray(perceive(frame, EyePose(pupil_mm=mm), observer=OBSERVER, state=RenderState((1.0,))).linear)[0, 1]
+        np.asarray(perceive(frame, EyePose(pupil_diameter_mm=mm), observer=OBSERVER, state=RenderState((1.0,))).linear)[
+            0, 1
+        ]
         for mm in (2.5, 7.5)
     )
     assert wide[ring].mean() > 1.5 * narrow[ring].mean()
@@ -151,7 +153,9 @@ def test_a_brighter_display_shows_middle_grey_at_the_same_luminance(peak_cd_m2: 
     frame = Frame.from_rgb(np.full((64, 60, 3), 0.18 / adaptation.exposure(adapted), np.float32), 20.0)
     state, display = RenderState((adapted,)), Display(peak_cd_m2=peak_cd_m2)
     bare = Planning(leave_out=frozenset({"glare"}))
-    seen = perceive(frame, EyePose(pupil_mm=2.0), observer=OBSERVER, display=display, state=state, planning=bare)
+    seen = perceive(
+        frame, EyePose(pupil_diameter_mm=2.0), observer=OBSERVER, display=display, state=state, planning=bare
+    )
     assert np.asarray(seen.linear) * peak_cd_m2 == pytest.approx(expected, rel=1e-6)
 
 

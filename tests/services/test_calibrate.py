@@ -111,7 +111,7 @@ def test_eyes_that_blink_all_the_time_give_too_few_samples() -> None:
         def samples(self) -> Iterator[Item]:
             for item in super().samples():
                 shut = isinstance(item, PupilSample) and item.t_ns % NS_PER_S < NS_PER_S // 2
-                yield msgspec.structs.replace(item, confidence=0.0, diameter_mm=-0.07) if shut else item
+                yield msgspec.structs.replace(item, confidence=0.0, pupil_diameter_mm=-0.07) if shut else item
 
     eyes = Lids(eyes_of().settings, paced=False)
     assert failures(attempt(eyes)) == {Failure.TOO_FEW_SAMPLES}
@@ -123,8 +123,8 @@ def test_one_eye_that_does_not_see_the_screens_disagrees() -> None:
 
         def samples(self) -> Iterator[Item]:
             for item in super().samples():
-                if isinstance(item, PupilSample) and item.eye is Eye.LEFT and item.diameter_mm is not None:
-                    yield msgspec.structs.replace(item, diameter_mm=3.0 + (item.diameter_mm - 3.0) / 2)
+                if isinstance(item, PupilSample) and item.eye is Eye.LEFT and item.pupil_diameter_mm is not None:
+                    yield msgspec.structs.replace(item, pupil_diameter_mm=3.0 + (item.pupil_diameter_mm - 3.0) / 2)
                 else:
                     yield item
 
@@ -227,7 +227,7 @@ class InPixels(SimulatedLiveEyes):
 
     def samples(self) -> Iterator[Item]:
         for item in super().samples():
-            yield msgspec.structs.replace(item, diameter_mm=None) if isinstance(item, PupilSample) else item
+            yield msgspec.structs.replace(item, pupil_diameter_mm=None) if isinstance(item, PupilSample) else item
 
 
 def test_pixels_become_two_to_eight_millimetres_in_the_bridge() -> None:
@@ -240,7 +240,7 @@ def test_pixels_become_two_to_eight_millimetres_in_the_bridge() -> None:
         steady = msgspec.structs.replace(steady, luminance=((0.0, luminance),))
         chain = Chain(pupil_map=found)
         shown = [
-            state.left.diameter_mm
+            state.left.pupil_diameter_mm
             for item in InPixels(steady, paced=False).samples()
             for state in chain.step(item)
             if isinstance(state, EyeState)

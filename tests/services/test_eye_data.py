@@ -17,5 +17,8 @@ def test_simulated_eyes_answer_to_their_light_and_last_as_long_as_asked() -> Non
     dim, bright = (open_eyes(EyesConfig(), 0.5, luminance) for luminance in ("0.01", "10000"))
     assert dim.info.t_end_ns is not None
     assert 0.4e9 < dim.info.t_end_ns - dim.info.t_start_ns <= 0.5e9
-    widest = [max(s.diameter_mm for s in eyes.samples() if getattr(s, "diameter_mm", None)) for eyes in (dim, bright)]
+    widest = [
+        max(s.pupil_diameter_mm for s in eyes.samples() if getattr(s, "pupil_diameter_mm", None))
+        for eyes in (dim, bright)
+    ]
     assert widest[0] > widest[1] + 1.0

@@ -145,9 +145,9 @@ def test_a_valid_run_leaves_a_map_a_plot_and_diameters_that_mean_something(
     assert loop.stages[-2:] == [WORKING_OUT, "none"]
     assert msgspec.json.decode(msgspec.json.encode(result)) == result  # for a page
     # Pixels were no diameters; from the new map on they are.
-    assert {state.left.diameter_mm for state in loop.states[: loop.without_map]} == {None}
+    assert {state.left.pupil_diameter_mm for state in loop.states[: loop.without_map]} == {None}
     steady_mm = 2 + 6 * (px_at(3.0) - found.left.white) / (found.left.black - found.left.white)
-    loop.until(lambda: loop.states[-1].left.diameter_mm == pytest.approx(steady_mm, abs=0.1))
+    loop.until(lambda: loop.states[-1].left.pupil_diameter_mm == pytest.approx(steady_mm, abs=0.1))
     assert loop.states[-1].left.phase is Phase.TRACKING
     # Nothing of all this was the loop's work, the drawing least of all, which takes a second.
     assert loop.worst_step_ns < 500_000_000
@@ -163,9 +163,9 @@ def test_simulated_eyes_see_the_screens_and_then_the_scene(tmp_path: Path) -> No
         with ScreenProgram(*calibration.addresses) as program:
             program.say({"request": "start"})
             loop.until(lambda: loop.stages[-1] == WORKING_OUT)
-        before_white_mm = eyes.truth.diameter_mm[-1]
-        assert before_white_mm < eyes.truth.diameter_mm.max() - 1.0
-        loop.until(lambda: eyes.truth.diameter_mm[-1] > before_white_mm + 0.3)  # it opens again
+        before_white_mm = eyes.truth.pupil_diameter_mm[-1]
+        assert before_white_mm < eyes.truth.pupil_diameter_mm.max() - 1.0
+        loop.until(lambda: eyes.truth.pupil_diameter_mm[-1] > before_white_mm + 0.3)  # it opens again
     finally:
         calibration.close()
 

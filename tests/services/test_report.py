@@ -22,7 +22,7 @@ def test_every_phase_in_which_a_pupil_is_not_tracked_is_shaded() -> None:
 
 
 STATES = """sequence,t_s,gaze_azimuth_deg,gaze_elevation_deg,\
-right_phase,right_diameter_mm,right_measured_mm,left_phase,left_diameter_mm,left_measured_mm
+right_phase,right_pupil_diameter_mm,right_measured_mm,left_phase,left_pupil_diameter_mm,left_measured_mm
 0,0.0,1.0,2.0,tracking,3.0,3.0,tracking,3.0,3.0
 1,0.5,1.0,2.0,tracking,3.0,3.0,tracking,3.1,3.1
 """

@@ -81,7 +81,7 @@ def test_a_session_names_what_is_wrong(folder: Path, entoptic: Done, arguments: 
         (("session", "--seconds", "0"), "--seconds"),
         (("bridge", "--seed", "-1"), "--seed"),
         (("console", "--port", "70000"), "--port"),
-        (("render", "x.hdr", "--pupil-mm", "40"), "--pupil-mm"),
+        (("render", "x.hdr", "--pupil-diameter-mm", "40"), "--pupil-diameter-mm"),
     ],
 )
 def test_an_option_out_of_range_is_named(entoptic: Done, arguments: tuple[str, ...], named: str) -> None:

@@ -241,8 +241,12 @@ def test_simulated_eyes_see_the_worker_s_scene_and_can_be_calibrated(
             while time.monotonic() < deadline:
                 worker.send_multipart([SHOWN, encode(shown(luminance))])
                 state = reader.newest()
-                if state is not None and state.left.diameter_mm is not None and is_so(state.left.diameter_mm):
-                    return state.left.diameter_mm
+                if (
+                    state is not None
+                    and state.left.pupil_diameter_mm is not None
+                    and is_so(state.left.pupil_diameter_mm)
+                ):
+                    return state.left.pupil_diameter_mm
                 time.sleep(0.03)
             raise AssertionError(state)
 

@@ -36,7 +36,13 @@ def entoptic(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.Cap
 
 @pytest.mark.slow
 def test_an_eye_is_shown_saved_and_taken_up_again(tmp_path: Path, entoptic: Done) -> None:
-    tuned = ("--pupil-mm=6", "--set=age_years=61", "--set=iris=blue", "--set=particles=2000", "--set=observer.seed=5")
+    tuned = (
+        "--pupil-diameter-mm=6",
+        "--set=age_years=61",
+        "--set=iris=blue",
+        "--set=particles=2000",
+        "--set=observer.seed=5",
+    )
     done = subprocess.run(
         [sys.executable, "-m", "entoptic", *SMALL, *tuned, "--out", "one", "--save-observer", "my_eye.toml"],
         cwd=tmp_path,
@@ -54,7 +60,7 @@ def test_an_eye_is_shown_saved_and_taken_up_again(tmp_path: Path, entoptic: Done
     observer = load(tmp_path / "my_eye.toml").observer
     assert (observer.age_years, observer.iris, observer.particles, observer.seed) == (61, "blue", 2000, 5)
 
-    entoptic.run(*SMALL, "--pupil-mm", "6", "--settings", "my_eye.toml", "--out", "two")
+    entoptic.run(*SMALL, "--pupil-diameter-mm", "6", "--settings", "my_eye.toml", "--out", "two")
     assert entoptic.returncode == 0, entoptic.stderr
     for name in sorted(written):
         assert (tmp_path / "one" / name).read_bytes() == (tmp_path / "two" / name).read_bytes(), name
@@ -70,7 +76,7 @@ def test_an_eye_is_shown_saved_and_taken_up_again(tmp_path: Path, entoptic: Done
         (("--settings", "nowhere.toml"), 1, "nowhere.toml"),
         (("--save-observer", "no/my_eye.toml"), 1, "no/my_eye.toml"),
         (("--set", "particles=400", "--set", "particle_mm=0.5"), 1, "block"),
-        (("--pupil-mm", "9"), 2, "--pupil-mm"),
+        (("--pupil-diameter-mm", "9"), 2, "--pupil-diameter-mm"),
     ],
 )
 def test_what_is_wrong_is_named(

@@ -30,11 +30,11 @@ def eye_before(
     protocol: Protocol, eye: Eye, settled_mm: Callable[[Screen], float] = FIGURES.__getitem__
 ) -> Iterator[PupilSample]:
     """A quiet pupil that follows each screen with a time constant of 0.6 s."""
-    diameter_mm = 4.0
+    pupil_diameter_mm = 4.0
     for screen in shown(protocol):
         for k in range(round(screen.seconds * RATE_HZ)):
-            diameter_mm += (settled_mm(screen.screen) - diameter_mm) / (0.6 * RATE_HZ)
-            yield PupilSample(screen.t_ns + k * NS_PER_S // RATE_HZ, eye, diameter_mm, 1.0)
+            pupil_diameter_mm += (settled_mm(screen.screen) - pupil_diameter_mm) / (0.6 * RATE_HZ)
+            yield PupilSample(screen.t_ns + k * NS_PER_S // RATE_HZ, eye, pupil_diameter_mm, 1.0)
 
 
 def both(change: Callable[[PupilSample], PupilSample | None] = lambda sample: sample) -> Analysis:
@@ -48,13 +48,13 @@ def failures(analysis: Analysis) -> set[Failure]:
 
 
 def in_px(sample: PupilSample, px_per_mm: float = 23.0) -> PupilSample:
-    assert sample.diameter_mm is not None
-    return msgspec.structs.replace(sample, diameter_mm=None, diameter_px=sample.diameter_mm * px_per_mm)
+    assert sample.pupil_diameter_mm is not None
+    return msgspec.structs.replace(sample, pupil_diameter_mm=None, diameter_px=sample.pupil_diameter_mm * px_per_mm)
 
 
 def scaled(sample: PupilSample, factor: float) -> PupilSample:
-    assert sample.diameter_mm is not None
-    return msgspec.structs.replace(sample, diameter_mm=sample.diameter_mm * factor)
+    assert sample.pupil_diameter_mm is not None
+    return msgspec.structs.replace(sample, pupil_diameter_mm=sample.pupil_diameter_mm * factor)
 
 
 def test_quiet_eyes_are_measured_and_accepted() -> None:
@@ -91,7 +91,7 @@ def test_blinks_do_not_change_the_result() -> None:
         since_s = sample.t_ns / NS_PER_S % 3.0
         if since_s < 0.08:
             return scaled(sample, 1.0 - since_s / 0.1)
-        return msgspec.structs.replace(sample, diameter_mm=-0.07, confidence=0.0) if since_s < 0.23 else sample
+        return msgspec.structs.replace(sample, pupil_diameter_mm=-0.07, confidence=0.0) if since_s < 0.23 else sample
 
     analysis = both(blink)
     assert analysis.problems == ()

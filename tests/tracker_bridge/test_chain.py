@@ -47,7 +47,7 @@ def test_one_state_a_moment_with_everything_of_that_moment() -> None:
 def test_before_an_eye_is_seen_it_is_lost_and_without_a_diameter() -> None:
     (state,) = states_of([GazeSample(0, None, 1.0, 1.0, 1.0)])
     assert state.left.phase is Phase.LOST
-    assert state.left.diameter_mm is None
+    assert state.left.pupil_diameter_mm is None
     assert not state.left.borrowed
     assert state.gaze is not None
 
@@ -113,7 +113,7 @@ def test_what_comes_late_twice_or_backwards_is_left_out_and_counted() -> None:
     states = states_of([*good, *good[-6:], *late, Tick(1200 * MS)], chain)
     assert chain.late_count == 8
     assert [state.t_ns for state in states] == [(1000 + k * 5) * MS for k in range(40)]
-    assert states[-1].left.diameter_mm == pytest.approx(4.0)
+    assert states[-1].left.pupil_diameter_mm == pytest.approx(4.0)
 
 
 def test_a_sample_from_the_future_does_not_make_all_others_late() -> None:
@@ -185,7 +185,7 @@ def test_a_lost_eye_borrows_the_other_with_their_difference_and_says_so() -> Non
     assert not any(state.left.borrowed for state in states if state.left.phase is not Phase.LOST)
     last = states[-1].left
     assert (last.phase, last.borrowed) == (Phase.LOST, True)
-    assert last.diameter_mm == pytest.approx(3.5)
+    assert last.pupil_diameter_mm == pytest.approx(3.5)
     assert not states[-1].right.borrowed
 
 
@@ -198,7 +198,7 @@ def test_a_lost_eye_never_jumps_when_it_borrows_nor_when_it_comes_back() -> None
         gone = 100 <= k < 900
         items.append(PupilSample(t_ns, Eye.LEFT, None if gone else right_mm - 0.5, 0.0 if gone else 1.0))
     lefts = [state.left for state in states_of(items)]
-    shown_mm = [left.diameter_mm or 0.0 for left in lefts]
+    shown_mm = [left.pupil_diameter_mm or 0.0 for left in lefts]
     assert max(abs(after - before) for before, after in itertools.pairwise(shown_mm)) <= SLEW_MM_S * 0.005 + 1e-9
     assert {left.borrowed for left in lefts[210:900]} == {True}  # its fellow's blink does not end it
     assert shown_mm[890] == pytest.approx(5.5)
@@ -210,7 +210,7 @@ def test_two_lost_eyes_borrow_nothing() -> None:
     last = states_of(items)[-1]
     assert not last.left.borrowed
     assert not last.right.borrowed
-    assert last.left.diameter_mm == pytest.approx(4.0)
+    assert last.left.pupil_diameter_mm == pytest.approx(4.0)
 
 
 def test_the_clock_s_uncertainty_stands_in_every_state() -> None:
@@ -232,7 +232,7 @@ _items = st.one_of(
         PupilSample,
         t_ns=st.integers(0, 4_000_000_000),
         eye=st.sampled_from(Eye),
-        diameter_mm=st.none() | st.floats(allow_nan=False, allow_infinity=False) | st.floats(1, 9),
+        pupil_diameter_mm=st.none() | st.floats(allow_nan=False, allow_infinity=False) | st.floats(1, 9),
         confidence=st.floats(0, 1),
         model_confidence=st.none() | st.floats(0, 1),
         openness=st.none() | st.floats(0, 1),

@@ -15,8 +15,8 @@ from entoptic.tracker_bridge.samples import Eye, Phase, PupilSample
 STEP_NS = 5_000_000
 
 
-def pupil(t_ns: int, diameter_mm: float | None, confidence: float = 1.0) -> PupilSample:
-    return PupilSample(t_ns, Eye.LEFT, diameter_mm, confidence)
+def pupil(t_ns: int, pupil_diameter_mm: float | None, confidence: float = 1.0) -> PupilSample:
+    return PupilSample(t_ns, Eye.LEFT, pupil_diameter_mm, confidence)
 
 
 def run(samples: list[PupilSample]) -> list[Shown]:
@@ -42,7 +42,7 @@ def blink(truth_mm: float, closed_ns: int) -> list[PupilSample]:
 
 def test_a_blink_neither_shrinks_nor_loses_the_pupil() -> None:
     shown = run(blink(4.0, 150_000_000))
-    diameters = [state.diameter_mm for state in shown]
+    diameters = [state.pupil_diameter_mm for state in shown]
     assert None not in diameters
     # The speed gate needs a few samples to see the lid: 25 ms × 37 mm/s at most leaks before it closes.
     assert min(d for d in diameters if d is not None) > 4.0 - 0.35
@@ -66,7 +66,7 @@ def test_a_held_closed_eye_is_lost_and_then_back() -> None:
     kinds = [type(event) for state in shown for event in state.events]
     assert kinds == [BlinkOnset, PupilLost, BlinkOffset, PupilBack]
     assert Phase.LOST in {state.phase for state in shown}
-    assert all(state.diameter_mm is not None and state.diameter_mm > 3.6 for state in shown)
+    assert all(state.pupil_diameter_mm is not None and state.pupil_diameter_mm > 3.6 for state in shown)
 
 
 def test_a_dropout_without_a_lid_is_no_blink() -> None:
@@ -76,25 +76,25 @@ def test_a_dropout_without_a_lid_is_no_blink() -> None:
     shown = run(samples)
     assert {state.phase for state in shown[100:130]} == {Phase.DROPOUT}
     assert not [event for state in shown for event in state.events if isinstance(event, BlinkOnset)]
-    assert {state.diameter_mm for state in shown} == {4.0}
+    assert {state.pupil_diameter_mm for state in shown} == {4.0}
 
 
 def test_a_light_reflex_passes_untouched() -> None:
     t_s = np.arange(0, 3, 0.005)
     trace = 3.0 + 3.0 * np.exp(-np.maximum(t_s - 1.0, 0) / 0.5)  # 6 mm/s at its fastest
     shown = run([pupil(round(t * 1e9), float(d)) for t, d in zip(t_s, trace, strict=True)])
-    assert [state.diameter_mm for state in shown] == trace.tolist()
+    assert [state.pupil_diameter_mm for state in shown] == trace.tolist()
 
 
 def test_nothing_trusted_yet_is_lost_without_a_diameter() -> None:
     shown = run([pupil(k * STEP_NS, 0.0, 0.0) for k in range(50)])
-    assert {(state.phase, state.diameter_mm) for state in shown} == {(Phase.LOST, None)}
+    assert {(state.phase, state.pupil_diameter_mm) for state in shown} == {(Phase.LOST, None)}
 
 
 def test_nonsense_at_full_confidence_is_never_shown() -> None:
     samples = [pupil(k * STEP_NS, 4.0) for k in range(100)]
     samples += [pupil((100 + k) * STEP_NS, d) for k, d in enumerate((-7580.0, 13424.0, 0.0, -0.07, 0.27, 14.0))]
-    assert {state.diameter_mm for state in run(samples)} == {4.0}
+    assert {state.pupil_diameter_mm for state in run(samples)} == {4.0}
 
 
 def phases(shown: list[Shown]) -> list[Phase]:
@@ -131,7 +131,9 @@ def test_an_eye_held_closed_goes_through_lost_and_comes_back_opening() -> None:
 def test_shown_is_of_the_sample_s_own_time() -> None:
     """The live mode's latency is zero: what is measured and trusted is shown at once."""
     samples = [pupil(k * STEP_NS, 4.0 + 0.001 * k) for k in range(200)]
-    assert [(state.t_ns, state.diameter_mm) for state in run(samples)] == [(s.t_ns, s.diameter_mm) for s in samples]
+    assert [(state.t_ns, state.pupil_diameter_mm) for state in run(samples)] == [
+        (s.t_ns, s.pupil_diameter_mm) for s in samples
+    ]
 
 
 def test_a_blink_is_told_as_soon_as_it_has_lasted() -> None:
@@ -150,7 +152,7 @@ def test_one_sample_without_a_pupil_is_no_blink() -> None:
     samples = [pupil(k * STEP_NS, 2.0 if k == 100 else 4.0, 0.0 if k == 101 else 1.0) for k in range(300)]
     shown = run(samples)
     assert not events_of(shown)
-    assert {state.diameter_mm for state in shown} == {4.0}
+    assert {state.pupil_diameter_mm for state in shown} == {4.0}
 
 
 def test_a_flickering_outline_is_a_dropout() -> None:
@@ -158,7 +160,7 @@ def test_a_flickering_outline_is_a_dropout() -> None:
     shown = run(samples)
     assert not events_of(shown)
     assert Phase.DROPOUT in phases(shown)
-    assert {state.diameter_mm for state in shown} == {4.0}
+    assert {state.pupil_diameter_mm for state in shown} == {4.0}
 
 
 @pytest.mark.parametrize("seconds", [0.3, 1.0, 2.5])
@@ -168,8 +170,8 @@ def test_a_lid_held_half_closed_never_shrinks_the_pupil(seconds: float) -> None:
     shown = run([pupil(k * STEP_NS, size) for k, size in enumerate(sizes)])
     half = shown[105 : 110 + count]
     assert {state.phase for state in half} <= {Phase.CLOSING, Phase.LOST}
-    assert min(state.diameter_mm or 0.0 for state in shown) > 3.6  # one speed window's leak
-    assert {state.diameter_mm for state in half[10:]} == {4.0}
+    assert min(state.pupil_diameter_mm or 0.0 for state in shown) > 3.6  # one speed window's leak
+    assert {state.pupil_diameter_mm for state in half[10:]} == {4.0}
     assert not [event for event in events_of(shown) if isinstance(event, BlinkOnset)]
     assert shown[-1].phase is Phase.TRACKING
 
@@ -177,7 +179,7 @@ def test_a_lid_held_half_closed_never_shrinks_the_pupil(seconds: float) -> None:
 def test_a_pupil_that_stays_small_is_believed_in_the_end() -> None:
     shown = run([pupil(k * STEP_NS, 4.0 if k < 100 else 2.5) for k in range(800)])
     assert shown[-1].phase is Phase.TRACKING
-    assert shown[-1].diameter_mm == 2.5
+    assert shown[-1].pupil_diameter_mm == 2.5
 
 
 def test_a_reflex_goes_on_behind_a_lid() -> None:
@@ -185,24 +187,30 @@ def test_a_reflex_goes_on_behind_a_lid() -> None:
     samples = []
     for sample in blink(1.0, 150_000_000):
         whole_mm = 6.0 - sample.t_ns * 1e-9
-        share = sample.diameter_mm if sample.diameter_mm is not None and sample.diameter_mm > 0.0 else 0.0
+        share = (
+            sample.pupil_diameter_mm if sample.pupil_diameter_mm is not None and sample.pupil_diameter_mm > 0.0 else 0.0
+        )
         samples.append(pupil(sample.t_ns, whole_mm * share, sample.confidence))
     shown = next(state for state in run(samples) if state.t_ns == 800_000_000)
-    assert shown.diameter_mm is not None
-    assert 5.2 < shown.diameter_mm < 5.4  # held still it would be 5.5
+    assert shown.pupil_diameter_mm is not None
+    assert 5.2 < shown.pupil_diameter_mm < 5.4  # held still it would be 5.5
 
 
 def test_pixels_alone_find_blinks_but_show_no_millimetres() -> None:
     samples = [
         PupilSample(
-            s.t_ns, s.eye, None, s.confidence, diameter_px=None if s.diameter_mm is None else 5.0 * s.diameter_mm
+            s.t_ns,
+            s.eye,
+            None,
+            s.confidence,
+            diameter_px=None if s.pupil_diameter_mm is None else 5.0 * s.pupil_diameter_mm,
         )
         for s in blink(4.0, 150_000_000)
     ]
     shown = run(samples)
     assert [type(event) for event in events_of(shown)] == [BlinkOnset, BlinkOffset]
     assert phases(shown) == [Phase.TRACKING, Phase.CLOSING, Phase.BLINK, Phase.OPENING, Phase.TRACKING]
-    assert {state.diameter_mm for state in shown} == {None}
+    assert {state.pupil_diameter_mm for state in shown} == {None}
 
 
 def test_confidence_alone_finds_blinks() -> None:
@@ -264,10 +272,10 @@ def test_silence_is_a_dropout_then_a_loss_told_once() -> None:
     assert list(told) == [SILENT_AFTER_NS // 1_000_000, LOST_AFTER_NS // 1_000_000]
     assert [shown.phase for shown in told.values()] == [Phase.DROPOUT, Phase.LOST]
     assert [shown.events for shown in told.values()] == [(), (PupilLost(last_ns + LOST_AFTER_NS, Eye.LEFT),)]
-    assert {shown.diameter_mm for shown in told.values()} == {4.0}
+    assert {shown.pupil_diameter_mm for shown in told.values()} == {4.0}
     back = [dropout.step(pupil(3_000_000_000 + k * STEP_NS, 5.0)) for k in range(60)]
     assert [type(event) for event in events_of(back)] == [PupilBack]
-    assert back[-1].diameter_mm == 5.0
+    assert back[-1].pupil_diameter_mm == 5.0
 
 
 def test_an_hour_without_samples_is_one_loss_with_or_without_ticks() -> None:
@@ -281,7 +289,7 @@ def test_an_hour_without_samples_is_one_loss_with_or_without_ticks() -> None:
     ticked += [dropout.step(sample) for sample in after]
     assert events_of(silent) == events_of(ticked)
     assert [type(event) for event in events_of(silent)] == [PupilLost, PupilBack]
-    assert silent[-1].diameter_mm == 3.0
+    assert silent[-1].pupil_diameter_mm == 3.0
 
 
 @pytest.mark.parametrize("rate_hz", [30, 60, 120, 200, 500, 1000])
@@ -294,8 +302,8 @@ def test_at_any_rate_a_blink_is_one_blink(rate_hz: int) -> None:
         samples.append(pupil(round(t_s * 1e9), 4.0 * share, 0.0 if share < 0.4 else 0.9))
     shown = run(samples)
     assert [type(event) for event in events_of(shown)] == [BlinkOnset, BlinkOffset]
-    assert min(state.diameter_mm or 0.0 for state in shown) > 3.3
-    assert shown[-1].diameter_mm == 4.0
+    assert min(state.pupil_diameter_mm or 0.0 for state in shown) > 3.3
+    assert shown[-1].pupil_diameter_mm == 4.0
 
 
 def test_millimetres_may_follow_pixels() -> None:
@@ -303,7 +311,7 @@ def test_millimetres_may_follow_pixels() -> None:
     mm = [PupilSample((100 + k) * STEP_NS, Eye.LEFT, 4.0, 1.0, diameter_px=20.0) for k in range(100)]
     shown = run([*px, *mm])
     assert {state.phase for state in shown} == {Phase.TRACKING}
-    assert [state.diameter_mm for state in shown] == [None] * 100 + [4.0] * 100
+    assert [state.pupil_diameter_mm for state in shown] == [None] * 100 + [4.0] * 100
 
 
 def test_a_changed_eye_model_is_no_lid() -> None:
@@ -312,8 +320,8 @@ def test_a_changed_eye_model_is_no_lid() -> None:
     shown = run(samples)
     assert not events_of(shown)
     assert phases(shown) == [Phase.TRACKING, Phase.DROPOUT, Phase.TRACKING]
-    assert shown[-1].diameter_mm == 3.0
-    assert max(abs(np.diff([state.diameter_mm or 0.0 for state in shown]))) <= 0.05 + 1e-9
+    assert shown[-1].pupil_diameter_mm == 3.0
+    assert max(abs(np.diff([state.pupil_diameter_mm or 0.0 for state in shown]))) <= 0.05 + 1e-9
 
 
 NUMBERS = st.none() | st.floats(-10, 20) | st.sampled_from([math.nan, math.inf, -math.inf, 0.0, -7580.0, 13_000.0])
@@ -336,7 +344,7 @@ def test_whatever_comes_what_is_shown_makes_sense(
     steps: list[tuple[int, float | None, float | None, float, float | None, bool]],
 ) -> None:
     dropout, t_ns, blinking, lost, seen_mm = DropoutFilter(), 0, False, False, False
-    for step_ns, diameter_mm, diameter_px, confidence, openness, silent in steps:
+    for step_ns, pupil_diameter_mm, diameter_px, confidence, openness, silent in steps:
         t_ns += step_ns
         if silent:
             shown = dropout.tick(t_ns)
@@ -344,13 +352,13 @@ def test_whatever_comes_what_is_shown_makes_sense(
                 continue
         else:
             shown = dropout.step(
-                PupilSample(t_ns, Eye.LEFT, diameter_mm, confidence, diameter_px=diameter_px, openness=openness)
+                PupilSample(t_ns, Eye.LEFT, pupil_diameter_mm, confidence, diameter_px=diameter_px, openness=openness)
             )
-            seen_mm = seen_mm or diameter_mm is not None
+            seen_mm = seen_mm or pupil_diameter_mm is not None
         assert shown.t_ns == t_ns
-        assert shown.diameter_mm is None or 1.0 <= shown.diameter_mm <= 9.0
+        assert shown.pupil_diameter_mm is None or 1.0 <= shown.pupil_diameter_mm <= 9.0
         assert shown.openness is None or 0.0 <= shown.openness <= 1.0
-        assert shown.phase is not Phase.TRACKING or (shown.diameter_mm is not None) is seen_mm
+        assert shown.phase is not Phase.TRACKING or (shown.pupil_diameter_mm is not None) is seen_mm
         for event in shown.events:
             assert event.t_ns <= t_ns
             if isinstance(event, BlinkOnset | BlinkOffset):

@@ -25,7 +25,7 @@ def live(samples: list[PupilSample]) -> list[EyeState]:
         for s in group:
             shown = filters[s.eye].step(s)
             one[s.eye] = OneEyeState(
-                shown.phase, shown.diameter_mm, s.diameter_mm, s.confidence, shown.openness, None, s.t_ns
+                shown.phase, shown.pupil_diameter_mm, s.pupil_diameter_mm, s.confidence, shown.openness, None, s.t_ns
             )
         states.append(EyeState(sequence, t_ns, one[Eye.RIGHT], one[Eye.LEFT], None))
     return states
@@ -36,11 +36,11 @@ def recorded(states: list[EyeState]) -> list[EyeState]:
     return [*(better for state in states for better in smoother.step(state)), *smoother.flush()]
 
 
-def pupils(diameters_mm: list[float | None], eye: Eye = Eye.RIGHT) -> list[PupilSample]:
+def pupils(pupil_diameters_mm: list[float | None], eye: Eye = Eye.RIGHT) -> list[PupilSample]:
     """A sample each 5 ms; None is a pupil that is not found."""
     return [
         PupilSample(k * STEP_NS, eye, -0.07 if mm is None else mm, 0.0 if mm is None else 1.0)
-        for k, mm in enumerate(diameters_mm)
+        for k, mm in enumerate(pupil_diameters_mm)
     ]
 
 
@@ -64,7 +64,7 @@ def test_every_state_leaves_once_in_order_and_says_its_lag() -> None:
 
 def test_what_is_tracked_well_is_left_as_measured() -> None:
     trace = (4.0 + 0.3 * np.sin(np.arange(200) / 30)).tolist()
-    assert [state.right.diameter_mm for state in recorded(live(pupils(trace)))] == trace
+    assert [state.right.pupil_diameter_mm for state in recorded(live(pupils(trace)))] == trace
 
 
 @pytest.mark.parametrize("seed", range(1, 6))
@@ -77,14 +77,16 @@ def test_around_blinks_the_pupil_is_off_by_at_most_3_hundredths_of_a_mm(seed: in
         if event.kind == "blink":
             near |= (eyes.truth.t_ns >= event.onset_ns - 200e6) & (eyes.truth.t_ns <= event.offset_ns + 200e6)
     for smoother, bound_mm in ((states, 0.06), (recorded(states), 0.03)):
-        error_mm = np.array([state.right.diameter_mm for state in smoother], dtype=float) - eyes.truth.diameter_mm
+        error_mm = (
+            np.array([state.right.pupil_diameter_mm for state in smoother], dtype=float) - eyes.truth.pupil_diameter_mm
+        )
         assert np.sqrt(np.mean(error_mm[near] ** 2)) <= bound_mm
 
 
 def test_what_a_lid_touched_before_it_was_noticed_is_cut_out() -> None:
     shrinking = [3.95, 3.9, 3.85, 3.5, 3.0, 2.5]
     better = recorded(live(pupils([*[4.0] * 100, *shrinking, *[None] * 30, *[4.0] * 100])))
-    assert {state.right.diameter_mm for state in better} == {4.0}
+    assert {state.right.pupil_diameter_mm for state in better} == {4.0}
     assert better[100].right.phase is better[102].right.phase is Phase.CLOSING
     assert better[85].right.phase is Phase.TRACKING
 
@@ -94,13 +96,13 @@ def test_a_gap_shorter_than_the_lag_is_a_straight_line() -> None:
     right = [s for s in pupils([4.0] * 100 + [4.1] * 100) if not 96 <= s.t_ns // STEP_NS < 104]
     samples = sorted([*right, *pupils([3.0] * 200, Eye.LEFT)], key=lambda sample: sample.t_ns)
     better = recorded(live(samples))
-    line = [state.right.diameter_mm for state in better[95:105]]
+    line = [state.right.pupil_diameter_mm for state in better[95:105]]
     assert line == pytest.approx([4.0 + 0.1 * k / 9 for k in range(10)])
 
 
 def test_the_way_back_is_straight_and_takes_the_lag() -> None:
     trace = [*[4.0] * 100, *[None] * 40, *[4.3] * 100]
-    diameters = [state.right.diameter_mm or 0.0 for state in recorded(live(pupils(trace)))]
+    diameters = [state.right.pupil_diameter_mm or 0.0 for state in recorded(live(pupils(trace)))]
     steps = np.diff(diameters)
     assert steps.max() <= 0.3 / 10 + 1e-9
     assert diameters[100:139] == [4.0] * 39
@@ -116,14 +118,14 @@ def test_both_eyes_are_those_of_the_state_s_own_time() -> None:
     ]
     for state in recorded(live(samples))[1:-20]:
         true_mm = 4.0 + state.t_ns * 1e-9
-        assert state.right.diameter_mm == pytest.approx(true_mm, abs=1e-9)
-        assert state.left.diameter_mm == pytest.approx(true_mm, abs=1e-9)
+        assert state.right.pupil_diameter_mm == pytest.approx(true_mm, abs=1e-9)
+        assert state.left.pupil_diameter_mm == pytest.approx(true_mm, abs=1e-9)
 
 
 def test_a_source_without_millimetres_passes_through() -> None:
     samples = [PupilSample(k * STEP_NS, Eye.RIGHT, None, 1.0, diameter_px=20.0) for k in range(50)]
     better = recorded(live(samples))
-    assert {(state.right.phase, state.right.diameter_mm) for state in better} == {(Phase.TRACKING, None)}
+    assert {(state.right.phase, state.right.pupil_diameter_mm) for state in better} == {(Phase.TRACKING, None)}
 
 
 @given(
@@ -139,14 +141,14 @@ def test_a_source_without_millimetres_passes_through() -> None:
 )
 def test_whatever_comes_a_diameter_is_a_pupils(steps: list[tuple[int, Eye, float | None, float]]) -> None:
     t_ns, samples = 0, []
-    for step_ns, eye, diameter_mm, confidence in steps:
+    for step_ns, eye, pupil_diameter_mm, confidence in steps:
         t_ns += step_ns
-        samples.append(PupilSample(t_ns, eye, diameter_mm, confidence))
+        samples.append(PupilSample(t_ns, eye, pupil_diameter_mm, confidence))
     states = live(samples)
     better = recorded(states)
     assert [state.t_ns for state in better] == [state.t_ns for state in states]
     for state in better:
         for eye in Eye:
             one = state.of(eye)
-            assert one.diameter_mm is None or 1.0 <= one.diameter_mm <= 9.0
-            assert one.phase is not Phase.TRACKING or one.diameter_mm is not None or one.measured_mm is None
+            assert one.pupil_diameter_mm is None or 1.0 <= one.pupil_diameter_mm <= 9.0
+            assert one.phase is not Phase.TRACKING or one.pupil_diameter_mm is not None or one.measured_mm is None

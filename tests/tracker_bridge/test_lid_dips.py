@@ -53,4 +53,4 @@ def test_a_blink_is_told_once_whether_the_pupil_goes_or_stays(lowest: float, pha
     assert isinstance(offset, BlinkOffset)
     assert offset.duration_ns == offset.t_ns - onset.t_ns
     assert {state.phase for state in shown} <= phases
-    assert {state.diameter_mm for state in shown} == {4.0}
+    assert {state.pupil_diameter_mm for state in shown} == {4.0}

@@ -7,11 +7,11 @@ from entoptic.tracker_bridge.lids import estimated_openness
 from entoptic.tracker_bridge.sources.simulated.lid import visible_area, visible_height
 
 
-@pytest.mark.parametrize("diameter_mm", [2.0, 4.0, 7.0])
-def test_it_undoes_what_a_lid_does_to_a_pupil(diameter_mm: float) -> None:
-    touching = np.linspace(0.5 - diameter_mm / 20, 0.5 + diameter_mm / 20, 50)
-    shares = np.sqrt(visible_area(visible_height(touching, np.full(50, diameter_mm))))
-    estimates = [estimated_openness(share, diameter_mm) for share in shares.tolist()]
+@pytest.mark.parametrize("pupil_diameter_mm", [2.0, 4.0, 7.0])
+def test_it_undoes_what_a_lid_does_to_a_pupil(pupil_diameter_mm: float) -> None:
+    touching = np.linspace(0.5 - pupil_diameter_mm / 20, 0.5 + pupil_diameter_mm / 20, 50)
+    shares = np.sqrt(visible_area(visible_height(touching, np.full(50, pupil_diameter_mm))))
+    estimates = [estimated_openness(share, pupil_diameter_mm) for share in shares.tolist()]
     assert estimates[:-1] == pytest.approx(touching[:-1].tolist(), abs=0.005)
 
 

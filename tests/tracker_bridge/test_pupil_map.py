@@ -36,8 +36,8 @@ def made(**changes: Any) -> PupilMap:
     return msgspec.structs.replace(plain, **changes)
 
 
-def state(diameter_mm: float | None, measured_mm: float | None = None) -> EyeState:
-    one = OneEyeState(Phase.TRACKING, diameter_mm, measured_mm, 1.0, 1.0, None)
+def state(pupil_diameter_mm: float | None, measured_mm: float | None = None) -> EyeState:
+    one = OneEyeState(Phase.TRACKING, pupil_diameter_mm, measured_mm, 1.0, 1.0, None)
     return EyeState(0, 0, one, one, None)
 
 
@@ -102,14 +102,14 @@ def test_pixels_become_two_to_eight_millimetres(px: float, eye: Eye) -> None:
     measured = one.of(eye)
     assert measured is not None
     expected = 2.0 + 6.0 * (px - measured.white) / (measured.black - measured.white)
-    shown = one.map_state(state(sample.diameter_mm, sample.diameter_mm)).of(eye)
-    assert shown.diameter_mm == pytest.approx(min(max(expected, 2.0), 8.0))
+    shown = one.map_state(state(sample.pupil_diameter_mm, sample.pupil_diameter_mm)).of(eye)
+    assert shown.pupil_diameter_mm == pytest.approx(min(max(expected, 2.0), 8.0))
     # What was measured stays recognisable as nonsense.
     assert shown.measured_mm == pytest.approx(expected)
 
 
 def test_what_the_filter_sees_before_the_white_screen_is_a_pupil() -> None:
-    assert made().apply(PupilSample(0, Eye.RIGHT, None, 1.0, diameter_px=70.0)).diameter_mm == 2.5
+    assert made().apply(PupilSample(0, Eye.RIGHT, None, 1.0, diameter_px=70.0)).pupil_diameter_mm == 2.5
 
 
 def test_millimetres_are_checked_or_mapped() -> None:
@@ -120,30 +120,30 @@ def test_millimetres_are_checked_or_mapped() -> None:
     assert checked.map_state(before := state(4.0, 4.0)) is before
     mapped = made(unit="mm", right=eye, left=eye)
     assert mapped.apply(sample) is sample
-    assert [mapped.map_state(state(mm)).right.diameter_mm for mm in (2.5, 3.0, 4.0, 6.0, 7.0)] == [2, 2, 4, 8, 8]
+    assert [mapped.map_state(state(mm)).right.pupil_diameter_mm for mm in (2.5, 3.0, 4.0, 6.0, 7.0)] == [2, 2, 4, 8, 8]
 
 
 def test_what_is_missing_stays_missing() -> None:
     one = made(left=None)
     sample = PupilSample(0, Eye.RIGHT, None, 0.0)
-    assert one.apply(sample).diameter_mm is None
-    assert one.map_state(state(None)).right.diameter_mm is None
-    assert one.apply(PupilSample(0, Eye.RIGHT, 4.0, 1.0)).diameter_mm is None
+    assert one.apply(sample).pupil_diameter_mm is None
+    assert one.map_state(state(None)).right.pupil_diameter_mm is None
+    assert one.apply(PupilSample(0, Eye.RIGHT, 4.0, 1.0)).pupil_diameter_mm is None
     left = PupilSample(0, Eye.LEFT, None, 1.0, diameter_px=70.0)
     assert one.apply(left) is left
-    assert one.map_state(state(4.0)).left.diameter_mm == 4.0
+    assert one.map_state(state(4.0)).left.pupil_diameter_mm == 4.0
 
 
 def test_a_pupil_a_little_wider_than_before_the_black_screen_is_kept() -> None:
     """Why there are two halves: mapped before the filter it would be refused, or a lid's pinhole clamped to a pupil."""
     one = made(unit="mm", right=EyeMap(3.0, 6.0, 2.0))
 
-    def phases(diameter_mm: float) -> set[Phase]:
+    def phases(pupil_diameter_mm: float) -> set[Phase]:
         pupil = DropoutFilter()
-        return {pupil.step(PupilSample(k * 5_000_000, Eye.RIGHT, diameter_mm, 1.0)).phase for k in range(100)}
+        return {pupil.step(PupilSample(k * 5_000_000, Eye.RIGHT, pupil_diameter_mm, 1.0)).phase for k in range(100)}
 
     assert phases(6.6) == {Phase.TRACKING}
-    assert one.map_state(state(6.6)).right.diameter_mm == 8.0
+    assert one.map_state(state(6.6)).right.pupil_diameter_mm == 8.0
     assert Phase.TRACKING not in phases(one.mapped_mm(Eye.RIGHT, 6.6))
 
 
@@ -160,5 +160,5 @@ def test_a_map_that_is_found_while_a_stream_runs_is_used_from_the_next_item_on_a
     states = [record for record in records if isinstance(record, EyeState)]
     assert records == states
     assert {one.left.phase for one in states[-399:]} == {Phase.TRACKING}
-    assert states[399].left.diameter_mm == pytest.approx(4.0)
-    assert [one.left.diameter_mm for one in states[-399:]] == pytest.approx([2.0] * 399)
+    assert states[399].left.pupil_diameter_mm == pytest.approx(4.0)
+    assert [one.left.pupil_diameter_mm for one in states[-399:]] == pytest.approx([2.0] * 399)

@@ -224,7 +224,7 @@ def _eye_part(pupil: PupilSample | None, gaze: GazeSample | None, eye: Eye) -> b
     own = (NO_LENGTH, NO_SHARE, NO_SHARE, NO_SHARE, NO_SHARE)
     if pupil is not None:
         own = (
-            _limited_um(pupil.diameter_mm),
+            _limited_um(pupil.pupil_diameter_mm),
             _image_counts(pupil.diameter_px),
             _share(pupil.confidence),
             _share(pupil.model_confidence),
@@ -233,8 +233,8 @@ def _eye_part(pupil: PupilSample | None, gaze: GazeSample | None, eye: Eye) -> b
     return _EYE.pack(*own, *_gaze_point(gaze, EYES_UM[eye]))
 
 
-def _limited_um(diameter_mm: float | None) -> int:
-    um = math.nan if diameter_mm is None else diameter_mm * 1000
+def _limited_um(pupil_diameter_mm: float | None) -> int:
+    um = math.nan if pupil_diameter_mm is None else pupil_diameter_mm * 1000
     return round(um) if abs(um) <= MAX_DIAMETER_UM else NO_LENGTH
 
 

@@ -53,19 +53,19 @@ class Sensitivity(NamedTuple):
     rods: float
 
 
-def settled(luminance_cd_m2: float, kind: Bleaching, pupil_mm: float = PUPIL_MM) -> Pigments:
+def settled(luminance_cd_m2: float, kind: Bleaching, pupil_diameter_mm: float = PUPIL_MM) -> Pigments:
     """The pigments of an eye that has looked at this luminance for long; all there if bleaching is off."""
-    cones, rods = _light(luminance_cd_m2, kind, pupil_mm)
+    cones, rods = _light(luminance_cd_m2, kind, pupil_diameter_mm)
     return Pigments(1 / (1 + cones), 1 / (1 + rods))
 
 
 def step_pigments(
-    pigments: Pigments, luminance_cd_m2: float, dt_s: float, kind: Bleaching, pupil_mm: float = PUPIL_MM
+    pigments: Pigments, luminance_cd_m2: float, dt_s: float, kind: Bleaching, pupil_diameter_mm: float = PUPIL_MM
 ) -> Pigments:
     """The pigments after dt under this luminance: exact for any dt. At dt 0, below it or no number as they were."""
     if not dt_s > 0:
         return pigments
-    light, towards = _light(luminance_cd_m2, kind, pupil_mm), settled(luminance_cd_m2, kind, pupil_mm)
+    light, towards = _light(luminance_cd_m2, kind, pupil_diameter_mm), settled(luminance_cd_m2, kind, pupil_diameter_mm)
     left_cones, left_rods = (math.exp(-dt_s * (1 + light[k]) / TAU_S[k]) for k in range(2))
     return Pigments(
         towards.cones + (pigments.cones - towards.cones) * left_cones,
@@ -105,7 +105,7 @@ def equivalent_cd_m2(pigments: Pigments, kind: Bleaching) -> float:
     return _seen_at_cd_m2(threshold) * (1 - DARK_CD_M2 / threshold)
 
 
-def _light(luminance_cd_m2: float, kind: Bleaching, pupil_mm: float) -> tuple[float, float]:
+def _light(luminance_cd_m2: float, kind: Bleaching, pupil_diameter_mm: float) -> tuple[float, float]:
     """The light on cones and rods, as multiples of what leaves half of the pigment."""
     match kind:
         case Bleaching.OFF:
@@ -113,7 +113,7 @@ def _light(luminance_cd_m2: float, kind: Bleaching, pupil_mm: float) -> tuple[fl
         case Bleaching.PATTANAIK:
             return luminance_cd_m2 / HALF_CD_M2[0], luminance_cd_m2 / HALF_CD_M2[1]
         case Bleaching.RUSHTON:
-            trolands = luminance_cd_m2 * math.pi / 4 * pupil_mm**2
+            trolands = luminance_cd_m2 * math.pi / 4 * pupil_diameter_mm**2
             return trolands / HALF_TD[0], trolands * SCOTOPIC_PER_PHOTOPIC / HALF_TD[1]
 
 

@@ -42,17 +42,21 @@ class Adapted:
         return threshold_cd_m2(self.luminance_cd_m2)
 
 
-def begin(target_cd_m2: float, settings: Adaptation = DEFAULT, pupil_mm: float = PUPIL_MM) -> Adapted:
+def begin(target_cd_m2: float, settings: Adaptation = DEFAULT, pupil_diameter_mm: float = PUPIL_MM) -> Adapted:
     """An eye that has looked at this luminance for long."""
-    return _adapted(target_cd_m2, target_cd_m2, settled(target_cd_m2, settings.bleaching, pupil_mm), settings)
+    return _adapted(target_cd_m2, target_cd_m2, settled(target_cd_m2, settings.bleaching, pupil_diameter_mm), settings)
 
 
 def step(
-    before: Adapted, target_cd_m2: float, dt_s: float, settings: Adaptation = DEFAULT, pupil_mm: float = PUPIL_MM
+    before: Adapted,
+    target_cd_m2: float,
+    dt_s: float,
+    settings: Adaptation = DEFAULT,
+    pupil_diameter_mm: float = PUPIL_MM,
 ) -> Adapted:
     """The eye `dt_s` later, which it spent before this luminance. The pupil matters to bleaching `rushton` alone."""
     fast_cd_m2 = adapt_cd_m2(before.fast_cd_m2, target_cd_m2, dt_s, settings)
-    pigments = step_pigments(before.pigments, target_cd_m2, dt_s, settings.bleaching, pupil_mm)
+    pigments = step_pigments(before.pigments, target_cd_m2, dt_s, settings.bleaching, pupil_diameter_mm)
     return _adapted(fast_cd_m2, target_cd_m2, pigments, settings)
 
 

@@ -69,7 +69,7 @@ class AfterimageEffect(Effect[Afterimage, Retina]):
             eye.view,
             eye.gaze_px,
             image=eye.image,
-            pupil_mm=eye.pupil_mm,
+            pupil_diameter_mm=eye.pupil_diameter_mm,
             openness=eye.pose.openness,
             dt_s=dt_s,
             exposure=exposure(eye.adapted_cd_m2),

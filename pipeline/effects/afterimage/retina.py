@@ -56,7 +56,7 @@ def step(
     gaze_px: tuple[float, float],
     *,
     image: int = 0,
-    pupil_mm: float,
+    pupil_diameter_mm: float,
     openness: float,
     dt_s: float,
     exposure: float,
@@ -69,7 +69,7 @@ def step(
     Lids that are half down let half of it in. Time that stands still or goes backwards bleaches nothing and brings
     nothing back. `exposure` is what the eye is adapted to now (adaptation.exposure).
     """
-    trolands_per_cd_m2 = math.pi / 4 * pupil_mm**2 * min(max(openness, 0.0), 1.0)
+    trolands_per_cd_m2 = math.pi / 4 * pupil_diameter_mm**2 * min(max(openness, 0.0), 1.0)
     bleached = _step(
         retina.bleached,
         rgb_cd_m2,

@@ -43,8 +43,13 @@ def add_lights(
         if pose.lens_m is not None:
             return ((_point_kernel(observer, pose, view.ppd_centre, spectrum), 1.0),)
         return tuple(
-            (_held(observer, dataclasses.replace(pose, pupil_mm=pupil_mm), view.ppd_centre, spectrum), weight)
-            for pupil_mm, weight in models.pupil_steps(pose.pupil_mm)
+            (
+                _held(
+                    observer, dataclasses.replace(pose, pupil_diameter_mm=pupil_diameter_mm), view.ppd_centre, spectrum
+                ),
+                weight,
+            )
+            for pupil_diameter_mm, weight in models.pupil_steps(pose.pupil_diameter_mm)
         )
 
     image = draw_lights(onto, lights, view, kernel_of, falloff)

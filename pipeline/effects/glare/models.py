@@ -15,7 +15,7 @@ from entoptic.pipeline.effects.glare.kernel import Component, Formula, Mixture, 
 from entoptic.pipeline.frame import LUMINANCE_WEIGHTS
 from entoptic.pipeline.observer import Observer
 from entoptic.pipeline.optics import analytic, diffraction, flare_lines, light_spectra, radial, whole
-from entoptic.pipeline.optics.aperture import Pose, legal_pupil_mm, planes, pupil_plane
+from entoptic.pipeline.optics.aperture import Pose, legal_pupil_diameter_mm, planes, pupil_plane
 from entoptic.pipeline.optics.flare_lines import Flare
 
 GRID = 2048
@@ -46,13 +46,16 @@ def mixture(model: GlareModel, observer: Observer, pose: Pose, adapted_cd_m2: fl
             return ((wave_component(observer, pose, pixels_per_deg), 1.0),)
         case GlareModel.WAVE if not rests(observer, pose):
             return tuple(
-                (_posed(observer, dataclasses.replace(pose, pupil_mm=pupil_mm), pixels_per_deg), weight)
-                for pupil_mm, weight in pupil_steps(pose.pupil_mm)
+                (
+                    _posed(observer, dataclasses.replace(pose, pupil_diameter_mm=pupil_diameter_mm), pixels_per_deg),
+                    weight,
+                )
+                for pupil_diameter_mm, weight in pupil_steps(pose.pupil_diameter_mm)
             )
         case GlareModel.WAVE:
             return tuple(
-                (_resting(observer, pupil_mm, pixels_per_deg), weight)
-                for pupil_mm, weight in pupil_steps(pose.pupil_mm)
+                (_resting(observer, pupil_diameter_mm, pixels_per_deg), weight)
+                for pupil_diameter_mm, weight in pupil_steps(pose.pupil_diameter_mm)
             )
         case GlareModel.IJSPEERT:
             straylight = analytic.STRAYLIGHT[observer.iris]
@@ -61,11 +64,11 @@ def mixture(model: GlareModel, observer: Observer, pose: Pose, adapted_cd_m2: fl
             return tuple(
                 (
                     formula_component(
-                        analytic.ijspeert, (pupil_mm, observer.age_years, straylight), pixels_per_deg, veil
+                        analytic.ijspeert, (pupil_diameter_mm, observer.age_years, straylight), pixels_per_deg, veil
                     ),
                     weight,
                 )
-                for pupil_mm, weight in pupil_steps(pose.pupil_mm)
+                for pupil_diameter_mm, weight in pupil_steps(pose.pupil_diameter_mm)
             )
         case GlareModel.CIE:
             pigmentation = analytic.PIGMENTATION[observer.iris]
@@ -79,12 +82,12 @@ def mixture(model: GlareModel, observer: Observer, pose: Pose, adapted_cd_m2: fl
             )
 
 
-def pupil_steps(pupil_mm: float) -> tuple[tuple[float, float], ...]:
+def pupil_steps(pupil_diameter_mm: float) -> tuple[tuple[float, float], ...]:
     """The computed pupils around a diameter in mm with their weights: two, or the one that it is.
 
     Diameters outside 2–8 mm count as the nearest of these, NaN as 2 mm.
     """
-    low, share = divmod(legal_pupil_mm(pupil_mm), PUPIL_STEP_MM)
+    low, share = divmod(legal_pupil_diameter_mm(pupil_diameter_mm), PUPIL_STEP_MM)
     pairs = ((low * PUPIL_STEP_MM, 1 - share / PUPIL_STEP_MM), ((low + 1) * PUPIL_STEP_MM, share / PUPIL_STEP_MM))
     return tuple((step_mm, weight) for step_mm, weight in pairs if weight > 0)
 
@@ -164,9 +167,9 @@ def _posed(observer: Observer, pose: Pose, pixels_per_deg: float) -> Component:
 
 
 @functools.lru_cache(maxsize=25)
-def _resting(observer: Observer, pupil_mm: float, pixels_per_deg: float) -> Component:
+def _resting(observer: Observer, pupil_diameter_mm: float, pixels_per_deg: float) -> Component:
     """All that a pupil of 2–8 mm needs."""
-    return wave_component(observer, Pose(pupil_mm, observer.defocus_d), pixels_per_deg)
+    return wave_component(observer, Pose(pupil_diameter_mm, observer.defocus_d), pixels_per_deg)
 
 
 @functools.lru_cache(maxsize=25)

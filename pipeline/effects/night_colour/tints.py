@@ -69,7 +69,7 @@ def _rod_white(adapted_cd_m2: float) -> NDArray[np.float64]:
     cones = np.array(CONES)
     white = cones.sum(1)
     dark = cones @ _of_xy(ROD_XY) - white
-    trolands = adapted_cd_m2 * math.pi / 4 * _pupil_mm(adapted_cd_m2) ** 2
+    trolands = adapted_cd_m2 * math.pi / 4 * _pupil_diameter_mm(adapted_cd_m2) ** 2
     gain = 1 / np.sqrt(1 + SATURATION * trolands * (white + np.array(ROD_INPUT)) / np.array(CONE_PEAKS))
     # M − L lies between two pathways: their mean gain.
     red_green = (gain[0] + gain[1]) / 2
@@ -78,7 +78,7 @@ def _rod_white(adapted_cd_m2: float) -> NDArray[np.float64]:
     return rgb / (np.array(LUMINANCE_WEIGHTS) @ rgb)
 
 
-def _pupil_mm(luminance_cd_m2: float) -> float:
+def _pupil_diameter_mm(luminance_cd_m2: float) -> float:
     """Moon & Spencer (SPE 3.1.1): a coarse pupil is enough, as gains fall with its root."""
     return 4.9 - 3 * math.tanh(0.4 * (math.log10(max(luminance_cd_m2, 1e-30)) + 1))
 

@@ -26,7 +26,7 @@ export function watchTraces(connection) {
     // The least delayed message is the best clock; 1 ms of drift a message lets it follow a clock that runs slower.
     ahead_s = ahead_s === null || Math.abs(offset_s - ahead_s) > 1 ? offset_s : Math.max(offset_s, ahead_s - 0.001);
     traces.t_s.forEach((t_s, at) => {
-      const one = ({ diameter_mm, measured_mm, phase }) => ({ mm: diameter_mm[at], measured_mm: measured_mm[at], phase: phase[at] });
+      const one = ({ pupil_diameter_mm, measured_mm, phase }) => ({ mm: pupil_diameter_mm[at], measured_mm: measured_mm[at], phase: phase[at] });
       store.add({ t_s, right: one(traces.right), left: one(traces.left) });
     });
     if (traces.t_s.length) {
@@ -82,7 +82,7 @@ function palette(canvas) {
 }
 
 function read(eye, trace) {
-  const mm = trace.diameter_mm.at(-1), phase = trace.phase.at(-1);
+  const mm = trace.pupil_diameter_mm.at(-1), phase = trace.phase.at(-1);
   setText(byId(`${eye}-mm`), mm === null ? "–" : mm.toFixed(2));
   const [words, state] = PHASES[phase] ?? [phase, "warn"];
   setText(byId(`${eye}-phase`), trace.borrowed.at(-1) ? `${words}; from the other eye` : words);

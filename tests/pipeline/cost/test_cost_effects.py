@@ -34,7 +34,7 @@ def rows(effect: str, name: str) -> dict[str, Row]:
 
 class TestViewing:
     def test_the_pupil_narrows_from_moonlight_to_noon(self) -> None:
-        pupils = [viewing(name).pupil_mm for name in ("moonlight", "dusk", "sunny landscape")]
+        pupils = [viewing(name).pupil_diameter_mm for name in ("moonlight", "dusk", "sunny landscape")]
         assert pupils == sorted(pupils, reverse=True)
         assert pupils[0] > pupils[-1] + 2
 

@@ -167,11 +167,11 @@ def random_frame(seed: int, spread: float) -> np.ndarray:
 
 @given(st.integers(0, 2**31), st.sampled_from([0.0, 0.1, 1.5]), NOISES, st.floats(2, 8), st.floats(0, 1e5))
 def test_no_pixel_changes_by_more_than_stated(
-    seed: int, spread: float, noise: RodNoise, pupil_mm: float, elapsed_s: float
+    seed: int, spread: float, noise: RodNoise, pupil_diameter_mm: float, elapsed_s: float
 ) -> None:
     frame = random_frame(seed, spread)
-    shown = np.asarray(add_noise(jnp.asarray(frame), elapsed_s, [pupil_mm], 10.0, noise))
-    bound = skip_bound(range_of(frame), pupil_mm, noise)
+    shown = np.asarray(add_noise(jnp.asarray(frame), elapsed_s, [pupil_diameter_mm], 10.0, noise))
+    bound = skip_bound(range_of(frame), pupil_diameter_mm, noise)
     assert (change_of(frame, shown) <= bound * (1 + 1e-5) + 1e-6 * frame.max()).all()
 
 
@@ -184,15 +184,16 @@ def test_no_pixel_changes_by_more_than_stated(
     st.floats(0, 1e5),
 )
 def test_no_change_grows_by_more_than_stated(
-    seed: int, spread: float, size: float, noise: RodNoise, pupil_mm: float, elapsed_s: float
+    seed: int, spread: float, size: float, noise: RodNoise, pupil_diameter_mm: float, elapsed_s: float
 ) -> None:
     frame = random_frame(seed, spread)
     rng = np.random.default_rng(seed + 1)
     other = (frame * np.clip(1 + size * rng.uniform(-1, 1, frame.shape), 0, None)).astype(np.float32)
     shown, other_shown = (
-        np.asarray(add_noise(jnp.asarray(values), elapsed_s, [pupil_mm], 10.0, noise)) for values in (frame, other)
+        np.asarray(add_noise(jnp.asarray(values), elapsed_s, [pupil_diameter_mm], 10.0, noise))
+        for values in (frame, other)
     )
-    bound = propagate(change_of(frame, other), range_of(frame), pupil_mm, noise)
+    bound = propagate(change_of(frame, other), range_of(frame), pupil_diameter_mm, noise)
     slack = 1e-5 * max(shown.max(), other_shown.max(), frame.max())
     assert (change_of(shown, other_shown) <= bound * (1 + 1e-5) + slack).all()
 

@@ -49,11 +49,11 @@ def test_cies_printed_volume_and_the_renormalised_one(pigmentation: float) -> No
         assert volume == pytest.approx(1, abs=1e-6)
 
 
-@pytest.mark.parametrize("pupil_mm", [2.0, 4.0, 6.0, 8.0])
-def test_ijspeerts_volume_is_one(pupil_mm: float) -> None:
+@pytest.mark.parametrize("pupil_diameter_mm", [2.0, 4.0, 6.0, 8.0])
+def test_ijspeerts_volume_is_one(pupil_diameter_mm: float) -> None:
     for age, iris in itertools.product(AGES, Iris):
         density = functools.partial(
-            analytic.ijspeert, pupil_mm=pupil_mm, age_years=age, straylight=analytic.STRAYLIGHT[iris]
+            analytic.ijspeert, pupil_diameter_mm=pupil_diameter_mm, age_years=age, straylight=analytic.STRAYLIGHT[iris]
         )
         assert radial.hemisphere_volume(density) == pytest.approx(1.0, abs=1e-4)
         assert density(np.geomspace(1e-4, 90, 50)).min() > 0
@@ -72,15 +72,17 @@ def test_straylight_against_stiles_and_holladay(iris: Iris) -> None:
             assert ratio.max() < 2.4
 
 
-@given(age=st.floats(5, 75), more=st.floats(1, 40), pupil_mm=st.floats(2, 8), deg=st.floats(1, 80))
+@given(age=st.floats(5, 75), more=st.floats(1, 40), pupil_diameter_mm=st.floats(2, 8), deg=st.floats(1, 80))
 @settings(max_examples=15)
-def test_straylight_grows_with_age(age: float, more: float, pupil_mm: float, deg: float) -> None:
+def test_straylight_grows_with_age(age: float, more: float, pupil_diameter_mm: float, deg: float) -> None:
     angle = np.array(deg)
     for iris in Iris:
         pigmentation, m = analytic.PIGMENTATION[iris], analytic.STRAYLIGHT[iris]
         old = min(age + more, 80.0)
         assert analytic.cie135(angle, old, pigmentation) >= analytic.cie135(angle, age, pigmentation)
-        assert analytic.ijspeert(angle, pupil_mm, old, m) >= analytic.ijspeert(angle, pupil_mm, age, m)
+        assert analytic.ijspeert(angle, pupil_diameter_mm, old, m) >= analytic.ijspeert(
+            angle, pupil_diameter_mm, age, m
+        )
 
 
 def test_lighter_eyes_scatter_more_at_wide_angles() -> None:
@@ -107,26 +109,26 @@ def test_transfer_functions_of_cie_and_ijspeert(age: float, iris: Iris) -> None:
     pigmentation, m = analytic.PIGMENTATION[iris], analytic.STRAYLIGHT[iris]
     cie = radial.hankel(lambda deg: analytic.cie135(deg, age, pigmentation), CPD)
     assert analytic.cie135_mtf(CPD, age, pigmentation) == pytest.approx(cie, abs=1e-4)
-    for pupil_mm in (2.0, 8.0):
-        ijspeert = radial.hankel(lambda deg, mm=pupil_mm: analytic.ijspeert(deg, mm, age, m), CPD)
-        assert analytic.ijspeert_mtf(CPD, pupil_mm, age, m) == pytest.approx(ijspeert, abs=1e-4)
+    for pupil_diameter_mm in (2.0, 8.0):
+        ijspeert = radial.hankel(lambda deg, mm=pupil_diameter_mm: analytic.ijspeert(deg, mm, age, m), CPD)
+        assert analytic.ijspeert_mtf(CPD, pupil_diameter_mm, age, m) == pytest.approx(ijspeert, abs=1e-4)
 
 
-@pytest.mark.parametrize(("pupil_mm", "nm"), [(2.0, 575.0), (3.0, 450.0), (6.0, 650.0)])
-def test_a_clear_pupils_transfer_function(pupil_mm: float, nm: float) -> None:
+@pytest.mark.parametrize(("pupil_diameter_mm", "nm"), [(2.0, 575.0), (3.0, 450.0), (6.0, 650.0)])
+def test_a_clear_pupils_transfer_function(pupil_diameter_mm: float, nm: float) -> None:
     """Against Airy's pattern within 3°, which leaves out less than 1e-3 of its light."""
-    ring_deg = math.degrees(nm * 1e-9 / (pupil_mm * 1e-3))
+    ring_deg = math.degrees(nm * 1e-9 / (pupil_diameter_mm * 1e-3))
     x, weights = np.polynomial.legendre.leggauss(8)
     edges = np.arange(0, 3, ring_deg / 4)
     deg = (edges[:, None] + ring_deg / 8 * (1 + x)).ravel()
     ring = np.tile(weights, len(edges)) * ring_deg / 8 * 2 * math.pi * deg * radial.SR_PER_DEG2
-    light = airy(deg, pupil_mm, nm) * ring
+    light = airy(deg, pupil_diameter_mm, nm) * ring
     cut_off = 1 / ring_deg
     for cpd in (0.0, 0.1 * cut_off, 0.5 * cut_off, 0.9 * cut_off, 1.3 * cut_off):
         numerical = float(light @ special.j0(2 * math.pi * cpd * deg))
-        assert float(analytic.diffraction_mtf(cpd, pupil_mm, nm)) == pytest.approx(numerical, abs=3e-3)
-    assert float(airy(np.array(0.0), pupil_mm, nm)) == pytest.approx(
-        math.pi / 4 * (pupil_mm * 1e-3 / (nm * 1e-9)) ** 2, rel=1e-12
+        assert float(analytic.diffraction_mtf(cpd, pupil_diameter_mm, nm)) == pytest.approx(numerical, abs=3e-3)
+    assert float(airy(np.array(0.0), pupil_diameter_mm, nm)) == pytest.approx(
+        math.pi / 4 * (pupil_diameter_mm * 1e-3 / (nm * 1e-9)) ** 2, rel=1e-12
     )
 
 

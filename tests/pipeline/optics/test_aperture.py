@@ -100,9 +100,9 @@ def test_the_same_observer_has_the_same_eye_and_another_seed_another() -> None:
     assert not np.array_equal(one, other)
 
 
-@pytest.mark.parametrize("pupil_mm", [0.0, 0.5, -1.0, math.nan])
-def test_a_pupil_too_narrow_or_none_is_the_narrowest(pupil_mm: float) -> None:
-    assert Pose(pupil_mm).diameter_m == 2e-3
+@pytest.mark.parametrize("pupil_diameter_mm", [0.0, 0.5, -1.0, math.nan])
+def test_a_pupil_too_narrow_or_none_is_the_narrowest(pupil_diameter_mm: float) -> None:
+    assert Pose(pupil_diameter_mm).diameter_m == 2e-3
 
 
 def test_an_eye_full_of_particles_is_refused_by_name() -> None:

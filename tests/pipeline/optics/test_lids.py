@@ -19,7 +19,7 @@ def shown(pose: Pose, observer: Observer = BARE, n: int = N) -> np.ndarray:
 
 def uncovered(pose: Pose, observer: Observer = BARE) -> float:
     """Share of the pupil's area that lids and lashes leave."""
-    return float(shown(pose, observer).sum() / shown(Pose(pose.pupil_mm)).sum())
+    return float(shown(pose, observer).sum() / shown(Pose(pose.pupil_diameter_mm)).sum())
 
 
 def test_open_lids_are_clear_of_the_widest_pupil() -> None:
@@ -50,11 +50,11 @@ def test_less_open_never_shows_more() -> None:
     assert np.all(np.diff(left) >= -1e-7)
 
 
-@pytest.mark.parametrize("pupil_mm", [2.0, 4.0, 8.0])
+@pytest.mark.parametrize("pupil_diameter_mm", [2.0, 4.0, 8.0])
 @pytest.mark.parametrize("openness", [0.0, 0.1, 0.3])
-def test_a_closed_eye_keeps_a_slit_with_light_in_it(pupil_mm: float, openness: float) -> None:
+def test_a_closed_eye_keeps_a_slit_with_light_in_it(pupil_diameter_mm: float, openness: float) -> None:
     """With as many lashes as an observer may have: a point-spread function needs some light."""
-    plane = shown(Pose(pupil_mm, openness=openness, lashes=True), Observer(lashes=500, gratings=0))
+    plane = shown(Pose(pupil_diameter_mm, openness=openness, lashes=True), Observer(lashes=500, gratings=0))
     assert plane.max() > 0.5
     spread = np.abs(np.fft.fft2(plane)) ** 2
     assert np.isfinite(spread / spread.sum()).all()

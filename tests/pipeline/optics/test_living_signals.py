@@ -14,8 +14,8 @@ from entoptic.pipeline.optics.value_noise import value_noise
 T_S = np.arange(0.0, 800.0, 0.05)
 
 
-def course_d(seed: int, pupil_mm: float) -> np.ndarray:
-    tones = tones_d(seed, pupil_mm)
+def course_d(seed: int, pupil_diameter_mm: float) -> np.ndarray:
+    tones = tones_d(seed, pupil_diameter_mm)
     return (np.exp(1j * T_S[:, None] * tones.omega_rad_s) @ tones.amplitude).real
 
 
@@ -40,9 +40,9 @@ def test_all_power_is_in_two_bands_and_the_low_one_grows_with_the_pupil(seed: in
 
 
 @given(st.integers(0, 2**70), st.floats(0.0, 1e12), st.floats(2.0, 8.0))
-def test_fluctuations_are_a_bounded_function_of_time_and_seed(seed: int, t_s: float, pupil_mm: float) -> None:
-    once = fluctuation_d(seed, t_s, pupil_mm)
-    assert once == fluctuation_d(seed, t_s, pupil_mm)
+def test_fluctuations_are_a_bounded_function_of_time_and_seed(seed: int, t_s: float, pupil_diameter_mm: float) -> None:
+    once = fluctuation_d(seed, t_s, pupil_diameter_mm)
+    assert once == fluctuation_d(seed, t_s, pupil_diameter_mm)
     assert abs(once) < 2.0
 
 

@@ -17,7 +17,7 @@ DENSITIES = {
     "wide": analytic.f2,
     "halo": analytic.f3,
     "cie": CIE,
-    "ijspeert": functools.partial(analytic.ijspeert, pupil_mm=3.0, age_years=30.0, straylight=0.142),
+    "ijspeert": functools.partial(analytic.ijspeert, pupil_diameter_mm=3.0, age_years=30.0, straylight=0.142),
 }
 
 

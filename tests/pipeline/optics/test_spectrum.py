@@ -101,11 +101,11 @@ def test_out_of_focus_the_reference_differs_as_the_blur_does_not_scale() -> None
 
 
 @pytest.mark.parametrize("nm", [420.0, 500.0, 575.0, 680.0])
-@pytest.mark.parametrize("diameter_mm", [0.3, 0.4, 0.5])
+@pytest.mark.parametrize("pupil_diameter_mm", [0.3, 0.4, 0.5])
 @pytest.mark.parametrize("kernel_of", ["scaled", "fresh"])
-def test_airys_dark_rings_in_a_kernel(nm: float, diameter_mm: float, kernel_of: str) -> None:
+def test_airys_dark_rings_in_a_kernel(nm: float, pupil_diameter_mm: float, kernel_of: str) -> None:
     """Of pupils so narrow that samples are small beside the rings; wider ones are in test_diffraction.py."""
-    diameter_m = diameter_mm * 1e-3
+    diameter_m = pupil_diameter_mm * 1e-3
     disc = np.asarray(pupil_disc(diameter_m, N), np.float64)
     lambda_over_d_px = 16
     pixels_per_deg = lambda_over_d_px / math.degrees(nm * 1e-9 / diameter_m)

@@ -36,7 +36,12 @@ def frame(*dark_cd_m2: float, rest_cd_m2: float) -> Frame:
 
 def plan_of(of: Frame, effects: Effects = ALL_ON, planning: Planning = PLANNING, adapted: float = 1.0) -> Plan:
     return perceived_by(
-        of, EyePose(pupil_mm=5.0), observer=EYE, effects=effects, planning=planning, state=RenderState((adapted,))
+        of,
+        EyePose(pupil_diameter_mm=5.0),
+        observer=EYE,
+        effects=effects,
+        planning=planning,
+        state=RenderState((adapted,)),
     ).plan
 
 
@@ -72,9 +77,11 @@ def test_afterimages_say_where_they_come_from() -> None:
     )
     lamp = Frame.from_rgb(np.where(np.arange(60)[None, :, None] < 20, 2e4, 1.0) * np.ones((64, 60, 3)), 40.0)
     more = {"observer": EYE, "effects": ALL_ON, "dt_s": 5.0}
-    viewed = perceived_by(lamp, EyePose(pupil_mm=5.0), **more)
-    viewed = perceived_by(lamp, EyePose(pupil_mm=5.0), state=viewed.state, **more)
-    step = perceived_by(frame(rest_cd_m2=1.0), EyePose(pupil_mm=5.0), state=viewed.state, **more).plan["afterimage"]
+    viewed = perceived_by(lamp, EyePose(pupil_diameter_mm=5.0), **more)
+    viewed = perceived_by(lamp, EyePose(pupil_diameter_mm=5.0), state=viewed.state, **more)
+    step = perceived_by(frame(rest_cd_m2=1.0), EyePose(pupil_diameter_mm=5.0), state=viewed.state, **more).plan[
+        "afterimage"
+    ]
     said = re.match(rf"what the retina keeps of what was seen before: without it, {CODES}", step.reason)
     assert said, step.reason
     assert (step.level, float(said[1]) > 1) == ("on", True)

@@ -80,10 +80,10 @@ def holds(frame: Frame, eye: EyePose, **more: object) -> Perceived:
 
 
 @pytest.mark.parametrize("name", SCENES)
-@pytest.mark.parametrize("pupil_mm", [2.0, 6.5])
-def test_on_the_scenes_that_costs_are_measured_on(name: str, pupil_mm: float) -> None:
+@pytest.mark.parametrize("pupil_diameter_mm", [2.0, 6.5])
+def test_on_the_scenes_that_costs_are_measured_on(name: str, pupil_diameter_mm: float) -> None:
     made = scene(name, 180, 200)
-    holds(made.frame, EyePose(3.0, -2.0, pupil_mm))
+    holds(made.frame, EyePose(3.0, -2.0, pupil_diameter_mm))
 
 
 @pytest.mark.shared_data
@@ -92,7 +92,7 @@ def test_on_real_frames_from_starlight_to_daylight(path: Path) -> None:
     for mean_cd_m2 in 10.0 ** np.arange(-3, 5, 2):
         opened = open_scene(str(path), mean_luminance_cd_m2=float(mean_cd_m2))
         frame = opened.frame(0.0, opened.view_for(180, None, 104.0), Head(), (Eye.LEFT,))
-        holds(frame, EyePose(pupil_mm=4.0), effects=Effects(glare=Glare(GlareModel.CIE)))
+        holds(frame, EyePose(pupil_diameter_mm=4.0), effects=Effects(glare=Glare(GlareModel.CIE)))
 
 
 @given(
@@ -152,23 +152,26 @@ def test_on_random_frames(
 
 
 def test_hidden_in_a_bright_room_it_differs_less_than_an_eye_sees_of_glare() -> None:
-    planned = holds(scene("bright room", 360, 400).frame, EyePose(pupil_mm=3.0))
+    planned = holds(scene("bright room", 360, 400).frame, EyePose(pupil_diameter_mm=3.0))
     assert planned.plan["glare"].level == planned.plan["acuity"].level == SKIPPED
     assert planned.plan["night_colour"].level == SKIPPED
     assert planned.plan.bound_code_values < 5
 
 
 def test_what_is_switched_off_is_no_skip() -> None:
-    plan = perceive(scene("dusk", 90, 100).frame, EyePose(pupil_mm=3.0), observer=EYE).plan
+    plan = perceive(scene("dusk", 90, 100).frame, EyePose(pupil_diameter_mm=3.0), observer=EYE).plan
     assert plan["rod_noise"].level == plan["afterimage"].level == OFF
 
 
 @pytest.mark.parametrize("effect", ["glare", "acuity", "night_colour"])
 def test_what_is_left_out_as_asked_says_what_that_hides(effect: str) -> None:
     frame = scene("night street", 180, 200).frame
-    full = perceive(frame, EyePose(pupil_mm=5.0), observer=EYE, planning=Planning(everything=True))
+    full = perceive(frame, EyePose(pupil_diameter_mm=5.0), observer=EYE, planning=Planning(everything=True))
     bare = perceive(
-        frame, EyePose(pupil_mm=5.0), observer=EYE, planning=Planning(everything=True, leave_out=frozenset({effect}))
+        frame,
+        EyePose(pupil_diameter_mm=5.0),
+        observer=EYE,
+        planning=Planning(everything=True, leave_out=frozenset({effect})),
     )
     assert bare.plan[effect].level == SKIPPED
     assert 0 < differs(bare, full) <= bare.plan.bound_code_values + ROUNDING
@@ -178,7 +181,7 @@ def test_what_is_left_out_as_asked_says_what_that_hides(effect: str) -> None:
 def test_a_display_in_hdr_plans_in_its_own_codes() -> None:
     frame = scene("bright room", 180, 200).frame
     hdr = Display(peak_cd_m2=1000.0, encoding=Encoding.HDR10)
-    planned, full = planned_and_full(frame, EyePose(pupil_mm=3.0), display=hdr)
+    planned, full = planned_and_full(frame, EyePose(pupil_diameter_mm=3.0), display=hdr)
     assert planned.image.dtype == np.uint16
     off = np.abs(planned.image.astype(int) - full.image.astype(int)).max()
     assert off <= planned.plan.bound_code_values + 1
@@ -188,7 +191,7 @@ def test_beside_lights_of_their_own_nothing_is_left_out() -> None:
     """They are in no pixel, so no range knows of them."""
     frame = Frame.from_rgb(np.full((64, 64, 3), 0.3), 60.0)
     lit = dataclasses.replace(frame, lights=(Light(3.0, 2.0, 5.0, 0.3, "LED-B3"),))
-    planned, full = planned_and_full(lit, EyePose(pupil_mm=4.0), state=RenderState((3.0,)))
+    planned, full = planned_and_full(lit, EyePose(pupil_diameter_mm=4.0), state=RenderState((3.0,)))
     assert differs(planned, full) == planned.plan.bound_code_values == 0
     bare = perceive(lit, observer=EYE, planning=Planning(leave_out=frozenset({"glare"})))
     assert bare.plan["glare"].reason == "left out as asked"
@@ -198,9 +201,11 @@ def test_beside_lights_of_their_own_nothing_is_left_out() -> None:
 def test_of_two_eyes_the_bounds_are_those_of_the_worse() -> None:
     one = scene("bright room", 180, 200).frame
     both = dataclasses.replace(one, rgb_cd_m2=jnp.concatenate([one.rgb_cd_m2, 0.05 * one.rgb_cd_m2]))
-    plan = holds(both, EyePose(pupil_mm=3.0)).plan
+    plan = holds(both, EyePose(pupil_diameter_mm=3.0)).plan
     alone = [
-        perceive(dataclasses.replace(one, rgb_cd_m2=k * one.rgb_cd_m2), EyePose(pupil_mm=3.0), observer=EYE).plan
+        perceive(
+            dataclasses.replace(one, rgb_cd_m2=k * one.rgb_cd_m2), EyePose(pupil_diameter_mm=3.0), observer=EYE
+        ).plan
         for k in (1.0, 0.05)
     ]
     if plan["glare"].level == SKIPPED:
@@ -216,17 +221,19 @@ def test_between_two_levels_the_bound_holds_too(name: str, fade: float) -> None:
         "acuity": Choice("fit", SKIPPED, fade),
         "night_colour": Choice("lui", SKIPPED, fade),
     }
-    full = perceive(frame, EyePose(pupil_mm=4.0), observer=EYE, planning=Planning(everything=True))
+    full = perceive(frame, EyePose(pupil_diameter_mm=4.0), observer=EYE, planning=Planning(everything=True))
     before = dataclasses.replace(full.state, choices=choices, reusable={})
-    passing = perceive(frame, EyePose(pupil_mm=4.0), observer=EYE, state=before)
+    passing = perceive(frame, EyePose(pupil_diameter_mm=4.0), observer=EYE, state=before)
     assert any(step.fading_from for step in passing.plan)
-    again = perceive(frame, EyePose(pupil_mm=4.0), observer=EYE, state=before, planning=Planning(everything=True))
+    again = perceive(
+        frame, EyePose(pupil_diameter_mm=4.0), observer=EYE, state=before, planning=Planning(everything=True)
+    )
     assert differs(passing, again) <= passing.plan.bound_code_values + ROUNDING
 
 
 @pytest.mark.parametrize("budget_ms", [0.5, 3.0, 20.0])
 def test_within_a_budget_what_is_paid_is_said(budget_ms: float) -> None:
     frame = scene("night street", 180, 200).frame
-    full = perceive(frame, EyePose(pupil_mm=5.0), observer=EYE, planning=Planning(everything=True))
-    planned = perceive(frame, EyePose(pupil_mm=5.0), observer=EYE, planning=Planning(budget_ms=budget_ms))
+    full = perceive(frame, EyePose(pupil_diameter_mm=5.0), observer=EYE, planning=Planning(everything=True))
+    planned = perceive(frame, EyePose(pupil_diameter_mm=5.0), observer=EYE, planning=Planning(budget_ms=budget_ms))
     assert differs(planned, full) <= planned.plan.bound_code_values + ROUNDING

@@ -40,7 +40,7 @@ def test_traces_marks_and_figures_arrive(attached: Served) -> None:
     with attached.page() as page:
         traces = page.until("traces", lambda message: len(message["t_s"]) > 1)
         assert traces["left"]["measured_mm"][0] == 4.1
-        assert traces["right"]["diameter_mm"][0] == 4.0
+        assert traces["right"]["pupil_diameter_mm"][0] == 4.0
         assert traces["left"]["phase"][0] == "tracking"
         assert traces["gaze_deg"][0] == [3.0, -1.0]
         assert -1 < traces["now_s"] - traces["t_s"][-1] < 1

@@ -47,7 +47,7 @@ def session(tmp_path: Path, lamp: np.ndarray) -> Path:
     for k in range(10):
         row: dict[str, object] = {"frame": k, "t_s": f"{k / 10:.6f}"}
         for j, eye in enumerate(("left", "right")):
-            row |= {f"{eye}_pupil_mm": 4.0 + j, f"{eye}_gaze_x_px": 20.0 + 5 * j, f"{eye}_gaze_y_px": 20.0 - k}
+            row |= {f"{eye}_pupil_diameter_mm": 4.0 + j, f"{eye}_gaze_x_px": 20.0 + 5 * j, f"{eye}_gaze_y_px": 20.0 - k}
             row |= {f"{eye}_adapted_cd_m2": 0.5 + j}
         for effect in EFFECTS:
             runs = effect.name != "acuity" or not 4 <= k < 8

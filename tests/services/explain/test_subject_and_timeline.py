@@ -26,7 +26,7 @@ class TestSession:
         np.testing.assert_allclose(np.asarray(found.frame.rgb_cd_m2), [image, image / 2], rtol=1e-6)
         assert found.frame.view.fov_deg == 60.0
         assert found.adapted_cd_m2 == (0.5, 1.5)
-        assert [eye.pupil_mm for eye in found.poses] == [4.0, 5.0]
+        assert [eye.pupil_diameter_mm for eye in found.poses] == [4.0, 5.0]
         assert found.t_s == 0.7
         assert found.settings.observer.age_years == 61.0
 
@@ -42,7 +42,7 @@ class TestSession:
     def test_gaze_is_read_back_from_where_it_fell(self, azimuth_deg: float, elevation_deg: float) -> None:
         view = View(400, 300, 104.0)
         x_px, y_px = view.pixel_of(azimuth_deg, elevation_deg)
-        row = {"left_gaze_x_px": f"{x_px}", "left_gaze_y_px": f"{y_px}", "left_pupil_mm": "4"}
+        row = {"left_gaze_x_px": f"{x_px}", "left_gaze_y_px": f"{y_px}", "left_pupil_diameter_mm": "4"}
         pose = subject._pose(row, "left", view)
         assert (pose.azimuth_deg, pose.elevation_deg) == pytest.approx((azimuth_deg, elevation_deg), abs=1e-9)
 

@@ -110,8 +110,8 @@ def vendor(body: str) -> EyeTrackerReports:
 def test_a_diameter_without_confidence_is_trusted_where_there_is_one() -> None:
     reports = vendor("65 11 55 0c 0b 20 00 12 ff 81 42")
     seen, lost = (read(reports, b"\x10" + value).eyes[Eye.RIGHT] for value in (b"\xa0\x0f", b"\xff\xff"))
-    assert (seen.has_pupil, seen.diameter_mm, seen.confidence) == (True, pytest.approx(4.0), 1.0)
-    assert (lost.has_pupil, lost.diameter_mm, lost.confidence) == (True, None, 0.0)
+    assert (seen.has_pupil, seen.pupil_diameter_mm, seen.confidence) == (True, pytest.approx(4.0), 1.0)
+    assert (lost.has_pupil, lost.pupil_diameter_mm, lost.confidence) == (True, None, 0.0)
     assert not read(reports, b"\x10\x00\x00").eyes[Eye.LEFT].has_pupil
 
 
@@ -145,19 +145,19 @@ maybe_shares = st.none() | shares
 )
 def test_samples_come_back_within_their_quanta(
     gazes: list[tuple[tuple[float, float], float]],
-    diameter_mm: float | None,
+    pupil_diameter_mm: float | None,
     confidence: float,
     model: float | None,
     image_px: float | None,
     openness: float | None,
 ) -> None:
-    pupils = [PupilSample(T_NS, eye, diameter_mm, confidence, model, image_px, openness) for eye in Eye]
+    pupils = [PupilSample(T_NS, eye, pupil_diameter_mm, confidence, model, image_px, openness) for eye in Eye]
     directions = [GazeSample(T_NS, eye, *angle, share) for eye, (angle, share) in zip((*Eye, None), gazes, strict=True)]
     found = samples_of(read(TWIN, tracking_report([*pupils, *directions], 5_000_000, mode=3)), VIEWING, T_NS)
     assert [(type(s), s.eye) for s in found] == [(type(s), s.eye) for s in (*pupils, *directions)]
     for was, now in zip([*pupils, *directions], found, strict=True):
         if isinstance(was, PupilSample) and isinstance(now, PupilSample):
-            near(was.diameter_mm, now.diameter_mm, 0.0006)
+            near(was.pupil_diameter_mm, now.pupil_diameter_mm, 0.0006)
             near(was.diameter_px, now.diameter_px, 0.0051)
             near(was.confidence, now.confidence, 0.00006)
             near(was.model_confidence, now.model_confidence, 0.00006)
@@ -254,7 +254,7 @@ def test_one_report_may_tell_of_the_tracker_and_of_the_eyes() -> None:
     status, tracking = reports.read(input_layout(reports, 0x10), b"\x10\x01\xa0\x0f")
     assert status == Status(1, None)
     assert tracking is not None
-    assert tracking.eyes[Eye.RIGHT].diameter_mm == pytest.approx(4.0)
+    assert tracking.eyes[Eye.RIGHT].pupil_diameter_mm == pytest.approx(4.0)
 
 
 @given(st.binary(min_size=110, max_size=110))

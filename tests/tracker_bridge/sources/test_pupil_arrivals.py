@@ -92,7 +92,7 @@ def test_samples_are_put_on_the_bridges_clock() -> None:
     bench = ready()
     (sample,) = samples(bench.pupil(age_ns=5 * MS, eye=1))
     assert isinstance(sample, PupilSample)
-    assert (sample.eye, sample.diameter_mm) == (Eye.LEFT, 4.0)
+    assert (sample.eye, sample.pupil_diameter_mm) == (Eye.LEFT, 4.0)
     assert abs(sample.t_ns - (bench.now_ns - 5 * MS)) < 1000  # a double of Pupil's seconds
 
 

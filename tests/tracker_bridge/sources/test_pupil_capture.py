@@ -57,7 +57,7 @@ def test_samples_of_both_eyes_once_an_image_and_on_this_machines_clock(bench: Be
     samples = take(reader, 400)
     assert len({(sample.t_ns, sample.eye) for sample in samples}) == 400
     assert {sample.eye for sample in samples} == {Eye.RIGHT, Eye.LEFT}
-    assert all(sample.diameter_mm == 4.0 for sample in samples)
+    assert all(sample.pupil_diameter_mm == 4.0 for sample in samples)
     right = [sample.t_ns for sample in samples if sample.eye is Eye.RIGHT]
     assert right == sorted(right)
     assert abs(samples[-1].t_ns - time.monotonic_ns()) < 5 * S
@@ -171,7 +171,7 @@ def test_eyes_with_a_2d_detector_only(bench: Bench) -> None:
     now_s = capture.now_s()
     capture.extra += [pupil(now_s - 1.0 + 0.005 * k, kind="2d") for k in range(IMAGES_WITHOUT_3D + 5)]
     samples = take(reader, 5)
-    assert all((sample.diameter_mm, sample.diameter_px) == (None, 20.0) for sample in samples)
+    assert all((sample.pupil_diameter_mm, sample.diameter_px) == (None, 20.0) for sample in samples)
 
 
 def test_gaze_of_both_eyes(bench: Bench) -> None:

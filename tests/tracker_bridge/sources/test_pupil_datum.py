@@ -72,9 +72,9 @@ def test_a_2d_datum_has_no_millimetres() -> None:
 
 
 def test_nonsense_diameters_are_passed_on_and_endless_ones_are_not() -> None:
-    assert pupil(diameter_3d=-7580.0).diameter_mm == -7580.0
-    assert pupil(diameter_3d=0).diameter_mm == 0.0
-    assert pupil(diameter_3d=math.nan).diameter_mm is None
+    assert pupil(diameter_3d=-7580.0).pupil_diameter_mm == -7580.0
+    assert pupil(diameter_3d=0).pupil_diameter_mm == 0.0
+    assert pupil(diameter_3d=math.nan).pupil_diameter_mm is None
     assert pupil(diameter=math.inf).diameter_px is None
 
 

@@ -54,7 +54,7 @@ def assert_in_order(source: Source) -> None:
 def test_2d_and_3d_of_one_image_are_one_sample(tmp_path: Path) -> None:
     file = write(tmp_path / "a.pldata", pupil(1.0, three_d=False), pupil(1.0), pupil(2.0), pupil(2.0, three_d=False))
     source = open_recording(file)
-    assert [(s.t_ns, s.diameter_mm) for s in source.samples() if isinstance(s, PupilSample)] == [
+    assert [(s.t_ns, s.pupil_diameter_mm) for s in source.samples() if isinstance(s, PupilSample)] == [
         (1_000_000_000, 4.0),
         (2_000_000_000, 4.0),
     ]
@@ -63,7 +63,7 @@ def test_2d_and_3d_of_one_image_are_one_sample(tmp_path: Path) -> None:
 
 def test_a_2d_detector_alone_gives_pixels(tmp_path: Path) -> None:
     source = open_recording(write(tmp_path / "a.pldata", pupil(1.0, three_d=False), pupil(2.0, 1, three_d=False)))
-    assert [(s.diameter_mm, s.diameter_px) for s in source.samples() if isinstance(s, PupilSample)] == [
+    assert [(s.pupil_diameter_mm, s.diameter_px) for s in source.samples() if isinstance(s, PupilSample)] == [
         (None, 20.0)
     ] * 2
 
@@ -73,7 +73,7 @@ def test_disorder_and_repetition_are_repaired_and_told(tmp_path: Path) -> None:
     write(tmp_path / "gaze.pldata", gaze(2.0), gaze(1.0), gaze(1.0))
     source = open_recording(tmp_path)
     assert_in_order(source)
-    assert [s.diameter_mm for s in source.samples() if isinstance(s, PupilSample)] == [4.0, 4.0, 4.0]
+    assert [s.pupil_diameter_mm for s in source.samples() if isinstance(s, PupilSample)] == [4.0, 4.0, 4.0]
     assert source.info.notes == (
         "Among 4 pupil samples time went backwards; they were sorted; steps back: 1.",
         "Of 4 pupil samples those that repeat a time and eye were dropped: 1.",
@@ -207,7 +207,7 @@ def test_a_real_recording_of_two_eyes_without_gaze(shared: Shared) -> None:
     for eye in Eye:
         periods = np.diff([s.t_ns for s in pupils if s.eye is eye])
         assert 1e9 / np.median(periods) == pytest.approx(124.0, abs=0.5)
-    assert all(s.model_confidence is not None and s.diameter_mm is not None for s in pupils)
+    assert all(s.model_confidence is not None and s.pupil_diameter_mm is not None for s in pupils)
     assert any("were sorted" in note for note in source.info.notes)
     assert any("centred" in note for note in source.info.notes)
     for eye in Eye:
@@ -234,7 +234,7 @@ def test_a_real_recording_of_capture_3_6(shared: Shared) -> None:
     assert counts["PupilSample", Eye.RIGHT] == 2520
     assert counts["PupilSample", Eye.LEFT] == 2504
     assert counts["GazeSample", None] == 2838
-    assert all(s.diameter_mm is not None for s in source.samples() if isinstance(s, PupilSample))
+    assert all(s.pupil_diameter_mm is not None for s in source.samples() if isinstance(s, PupilSample))
     assert source.info.name == "Pupil recording capture_3_6"
     assert source.info.notes == (
         "Two-dimensional measurements that repeat an image were left out: 5,024.",
@@ -248,7 +248,9 @@ def test_real_gaze_data_that_carry_their_pupils(shared: Shared) -> None:
     source = open_recording(shared("eye/pupil_core/binocular_only_gaze.pldata"))
     assert_in_order(source)
     assert set(kinds(source).values()) == {333, 665}
-    diameters = [s.diameter_mm for s in source.samples() if isinstance(s, PupilSample) and s.diameter_mm is not None]
+    diameters = [
+        s.pupil_diameter_mm for s in source.samples() if isinstance(s, PupilSample) and s.pupil_diameter_mm is not None
+    ]
     assert len(diameters) == 666
     assert min(diameters) == pytest.approx(5.417, abs=0.001)
     assert max(diameters) == pytest.approx(6.624, abs=0.001)

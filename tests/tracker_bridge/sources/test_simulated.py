@@ -73,7 +73,7 @@ def test_noise_and_rate_leave_what_the_eyes_do() -> None:
     assert plain.events == noisy.events == slow.events
     assert (plain.azimuth_deg == noisy.azimuth_deg).all()
     assert (plain.azimuth_deg[:, ::4] == slow.azimuth_deg).all()
-    assert (plain.diameter_mm[::4] == slow.diameter_mm).all()
+    assert (plain.pupil_diameter_mm[::4] == slow.pupil_diameter_mm).all()
 
 
 def test_all_samples_are_within_their_ranges() -> None:
@@ -205,16 +205,16 @@ def test_each_blink_shrinks_the_pupil_before_it_is_lost() -> None:
     assert len(events("blink")) > 15
     for blink in events("blink"):
         inside = slice(*np.searchsorted(t_ns, (blink.onset_ns, blink.offset_ns)))
-        of_blink, true_mm = pupils[inside], eyes.truth.diameter_mm[inside]
+        of_blink, true_mm = pupils[inside], eyes.truth.pupil_diameter_mm[inside]
         lost = [s.confidence == 0.0 for s in of_blink]
         first, last = lost.index(True), len(lost) - 1 - lost[::-1].index(True)
         assert all(lost[first : last + 1])
-        assert all(s.diameter_mm == LOST_MM and s.model_confidence == 0.1 for s in of_blink[first : last + 1])
+        assert all(s.pupil_diameter_mm == LOST_MM and s.model_confidence == 0.1 for s in of_blink[first : last + 1])
         before = of_blink[first - 1]
         assert before.confidence >= 0.6  # it passes for good
-        assert before.diameter_mm is not None
-        assert before.diameter_mm < 0.9 * true_mm[first - 1]
-        assert of_blink[last + 1].diameter_mm < 0.9 * true_mm[last + 1]
+        assert before.pupil_diameter_mm is not None
+        assert before.pupil_diameter_mm < 0.9 * true_mm[first - 1]
+        assert of_blink[last + 1].pupil_diameter_mm < 0.9 * true_mm[last + 1]
         assert min(s.openness or 0.0 for s in of_blink) < 0.05
         assert of_blink[0].confidence > 0.95
         assert (last - first) / 200.0 < 0.3

@@ -90,7 +90,7 @@ def test_between_two_stretches_they_blink_and_the_pupil_goes_on(time: Clock) -> 
     border_ns = begun_ns + STRETCH_S * NS_PER_S
     assert shut[0] < border_ns < shut[-1]
     assert samples[-1].confidence > 0.9
-    assert samples[-1].diameter_mm == pytest.approx(samples[0].diameter_mm)
+    assert samples[-1].pupil_diameter_mm == pytest.approx(samples[0].pupil_diameter_mm)
     assert set(np.diff([sample.t_ns for sample in samples])) == {5 * MS}
     # The gaze leaps behind the lid alone.
     seen = gazes(items)
@@ -101,9 +101,9 @@ def test_the_pupil_answers_to_light_that_is_set(time: Clock) -> None:
     begun_ns = time.monotonic_ns() - 3 * STRETCH_S * NS_PER_S - 5 * NS_PER_S
     eyes = EndlessEyes(DIM, begun_ns)
     samples = eyes.samples()
-    dark_mm = pupils(until(samples, time.monotonic_ns() + 100 * MS))[-1].diameter_mm
+    dark_mm = pupils(until(samples, time.monotonic_ns() + 100 * MS))[-1].pupil_diameter_mm
     eyes.set_luminance(5000.0, time.monotonic_ns())
-    bright_mm = pupils(until(samples, time.monotonic_ns() + 900 * MS))[-1].diameter_mm
+    bright_mm = pupils(until(samples, time.monotonic_ns() + 900 * MS))[-1].pupil_diameter_mm
     assert dark_mm is not None
     assert bright_mm is not None
     assert bright_mm < dark_mm - 0.5

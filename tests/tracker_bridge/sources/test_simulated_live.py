@@ -43,7 +43,7 @@ def test_the_reflex_is_that_of_the_recorded_eyes() -> None:
 def test_light_set_while_they_live_is_light_known_beforehand() -> None:
     _, eyes = lived(STILL, LIGHT[1:])
     known = SimulatedEyes(SimulatedSettings(seconds=4.0, luminance=LIGHT, hippus=0.0))
-    np.testing.assert_allclose(eyes.truth.diameter_mm, known.truth.diameter_mm, atol=1e-9)
+    np.testing.assert_allclose(eyes.truth.pupil_diameter_mm, known.truth.pupil_diameter_mm, atol=1e-9)
 
 
 def test_no_light_can_come_too_late_for_a_block() -> None:
@@ -52,9 +52,9 @@ def test_no_light_can_come_too_late_for_a_block() -> None:
 
 def test_the_pupil_answers_after_the_latency_and_not_before() -> None:
     items, _ = lived(STILL, ((1.0, 1000.0),))
-    before = [item.diameter_mm for item in items if isinstance(item, PupilSample) and item.t_ns < 1.2 * NS_PER_S]
+    before = [item.pupil_diameter_mm for item in items if isinstance(item, PupilSample) and item.t_ns < 1.2 * NS_PER_S]
     assert set(before) == {before[0]}
-    after = [item.diameter_mm for item in items if isinstance(item, PupilSample) and item.t_ns > 1.3 * NS_PER_S]
+    after = [item.pupil_diameter_mm for item in items if isinstance(item, PupilSample) and item.t_ns > 1.3 * NS_PER_S]
     assert before[0] is not None
     assert after[0] is not None
     assert after[0] < before[0]
@@ -119,4 +119,4 @@ def test_both_pupils_and_pixels_are_there() -> None:
     first = [item for item in items if isinstance(item, PupilSample)][:2]
     assert [sample.eye for sample in first] == [Eye.RIGHT, Eye.LEFT]
     assert first[0].diameter_px is not None
-    assert first[0].diameter_mm == pytest.approx(first[0].diameter_px / 4.93)
+    assert first[0].pupil_diameter_mm == pytest.approx(first[0].diameter_px / 4.93)

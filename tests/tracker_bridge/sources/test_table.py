@@ -276,8 +276,8 @@ def test_real_tables_of_tobii_pro_lab(
     assert 1e9 / np.mean(np.diff([s.t_ns for s in left])) == pytest.approx(120.0, abs=0.01)
     assert sum(s.confidence == 1.0 for s in right) == measured_right
     assert sum(s.eye is Eye.LEFT for s in gazes) == valid_left
-    assert all((s.diameter_mm is not None) == (s.confidence == 1.0) for s in pupils)
-    assert all(0.3 < s.diameter_mm < 4.0 for s in pupils if s.diameter_mm is not None)
+    assert all((s.pupil_diameter_mm is not None) == (s.confidence == 1.0) for s in pupils)
+    assert all(0.3 < s.pupil_diameter_mm < 4.0 for s in pupils if s.pupil_diameter_mm is not None)
     assert all(s.openness is None or 0.0 <= s.openness <= 1.0 for s in pupils)
     # Somebody in front of a screen looks at it: forwards, and near its middle.
     assert abs(np.median([s.azimuth_deg for s in gazes])) < 8.0

@@ -46,7 +46,7 @@ def assert_same(was: Sequence[Sample], now: Sequence[Sample], times_ns: int = 1_
         assert abs(new.t_ns - old.t_ns - shift_ns) <= times_ns
         assert new.confidence == pytest.approx(old.confidence, abs=0.6e-4)
         if isinstance(old, PupilSample) and isinstance(new, PupilSample):
-            assert new.diameter_mm == (old.diameter_mm and pytest.approx(old.diameter_mm, abs=0.6e-3))
+            assert new.pupil_diameter_mm == (old.pupil_diameter_mm and pytest.approx(old.pupil_diameter_mm, abs=0.6e-3))
             assert new.diameter_px == (old.diameter_px and pytest.approx(old.diameter_px, abs=0.6e-2))
             assert new.openness == (old.openness and pytest.approx(old.openness, abs=0.6e-4))
             assert new.model_confidence == (old.model_confidence and pytest.approx(old.model_confidence, abs=0.6e-4))

@@ -105,7 +105,7 @@ def _pupil(eye: Eye, reading: EyeReading, t_ns: int) -> PupilSample | None:
     return PupilSample(
         t_ns=t_ns,
         eye=eye,
-        diameter_mm=reading.diameter_mm,
+        pupil_diameter_mm=reading.pupil_diameter_mm,
         confidence=reading.confidence,
         model_confidence=reading.model_confidence,
         diameter_px=reading.image_diameter_px,

@@ -63,7 +63,7 @@ class EyeReading(msgspec.Struct, frozen=True):
     gaze_confidence: float | None = None
     has_pupil: bool = False
     """Whether the report speaks of this pupil at all, if only to say that it is lost."""
-    diameter_mm: float | None = None
+    pupil_diameter_mm: float | None = None
     image_diameter_px: float | None = None
     confidence: float | None = None
     model_confidence: float | None = None
@@ -160,12 +160,12 @@ class TrackingReader:
 
     def _eye(self, eye: Eye, bits: int) -> EyeReading:
         position, gaze = _read_all(self._positions[eye], bits), _read_all(self._gazes[eye], bits)
-        diameter_mm, shares = read_one(self._diameters[eye], bits), self._shares[eye]
+        pupil_diameter_mm, shares = read_one(self._diameters[eye], bits), self._shares[eye]
         confidence = _share_of(shares[CONFIDENCE], bits)
         if shares[CONFIDENCE] is None:
             # A tracker without confidence is sure of what it reports, and of nothing where it reports nothing.
             has_pupil = self._diameters[eye] is not None or shares[OPENNESS] is not None
-            confidence = 1.0 if diameter_mm is not None else 0.0
+            confidence = 1.0 if pupil_diameter_mm is not None else 0.0
         else:
             has_pupil = confidence is not None
         return EyeReading(
@@ -174,7 +174,7 @@ class TrackingReader:
             gaze_mm=None if gaze is None else (gaze[0], gaze[1]),
             gaze_confidence=_share_of(shares[GAZE_CONFIDENCE], bits),
             has_pupil=has_pupil,
-            diameter_mm=diameter_mm,
+            pupil_diameter_mm=pupil_diameter_mm,
             image_diameter_px=read_one(self._images[eye], bits),
             confidence=confidence,
             model_confidence=_share_of(shares[MODEL_CONFIDENCE], bits),

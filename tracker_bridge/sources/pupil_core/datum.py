@@ -144,7 +144,7 @@ def pupil_sample(datum: PupilDatum) -> PupilSample:
     return PupilSample(
         t_ns=nanoseconds(datum.timestamp),
         eye=datum.id,
-        diameter_mm=_finite(datum.diameter_3d),
+        pupil_diameter_mm=_finite(datum.diameter_3d),
         confidence=_unit(datum.confidence),
         model_confidence=None if datum.model_confidence is None else _unit(datum.model_confidence),
         diameter_px=_finite(datum.diameter),

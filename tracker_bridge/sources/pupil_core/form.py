@@ -78,7 +78,7 @@ def data_of(samples: Iterable[Sample]) -> tuple[list[Map], list[Map]]:
 
 def pupil_datum(sample: PupilSample, gaze: GazeSample | None) -> Map:
     """A pupil datum; `gaze`, where known, is where the eye looks at that time."""
-    dimensions = "2d" if sample.diameter_mm is None else "3d"
+    dimensions = "2d" if sample.pupil_diameter_mm is None else "3d"
     datum: Map = {
         "id": int(sample.eye),
         "topic": f"pupil.{int(sample.eye)}.{dimensions}",
@@ -88,17 +88,17 @@ def pupil_datum(sample: PupilSample, gaze: GazeSample | None) -> Map:
         "norm_pos": [0.5, 0.5],
     }
     px = sample.diameter_px
-    if sample.diameter_mm is not None:
-        datum["diameter_3d"] = sample.diameter_mm
-        px = max(sample.diameter_mm, 0.0) * PX_PER_MM if px is None else px
+    if sample.pupil_diameter_mm is not None:
+        datum["diameter_3d"] = sample.pupil_diameter_mm
+        px = max(sample.pupil_diameter_mm, 0.0) * PX_PER_MM if px is None else px
     if px is not None:
         datum["diameter"] = px
     if sample.model_confidence is not None:
         datum["model_confidence"] = sample.model_confidence
     if sample.openness is not None:
         datum["openness"] = sample.openness
-    if gaze is not None and sample.diameter_mm is not None and px is not None:
-        datum |= _eye_model(gaze, sample.eye, sample.diameter_mm, px)
+    if gaze is not None and sample.pupil_diameter_mm is not None and px is not None:
+        datum |= _eye_model(gaze, sample.eye, sample.pupil_diameter_mm, px)
     return datum
 
 
@@ -116,12 +116,12 @@ def image_pair(sample: PupilSample, gaze: GazeSample | None) -> tuple[Map, Map |
     if px <= 0.0:
         solid |= {"norm_pos": [*_NO_PLACE], "ellipse": _NO_ELLIPSE | {"angle": 0.0}, "location": [0.0, 0.0]}
         flat |= {"norm_pos": [*_NO_PLACE], "ellipse": _NO_ELLIPSE | {"angle": -90.0}}
-    if sample.diameter_mm is None:
+    if sample.pupil_diameter_mm is None:
         return flat, None
     return flat, {key: solid[key] for key in _KEYS_3D}
 
 
-def _eye_model(gaze: GazeSample, eye: Eye, diameter_mm: float, px: float) -> Map:
+def _eye_model(gaze: GazeSample, eye: Eye, pupil_diameter_mm: float, px: float) -> Map:
     """The 3-D part of a datum, in the eye camera's frame (see datum.py for its axes)."""
     right, up, forward = _vector(gaze)
     x, y, z = normal = (right, up, -forward) if eye is Eye.RIGHT else (-right, -up, -forward)
@@ -130,7 +130,7 @@ def _eye_model(gaze: GazeSample, eye: Eye, diameter_mm: float, px: float) -> Map
     middle_px = [_IMAGE_PX / 2 + focal_px * along / centre[2] for along in centre[:2]]
     sphere_px = 2 * _SPHERE_RADIUS_MM * focal_px / _SPHERE_MM[2]
     return {
-        "circle_3d": {"center": centre, "normal": list(normal), "radius": diameter_mm / 2},
+        "circle_3d": {"center": centre, "normal": list(normal), "radius": pupil_diameter_mm / 2},
         "sphere": {"center": list(_SPHERE_MM), "radius": _SPHERE_RADIUS_MM},
         "projected_sphere": {"center": [_IMAGE_PX / 2] * 2, "axes": [sphere_px] * 2, "angle": 0.0},
         "ellipse": {"center": middle_px, "axes": [px * abs(z), px], "angle": math.degrees(math.atan2(y, x))},

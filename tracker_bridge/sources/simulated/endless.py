@@ -102,8 +102,8 @@ class EndlessEyes:
     def _live(
         self, stretch: Truth, part: slice, times_ns: NDArray[np.int64], joined_ns: int
     ) -> list[list[PupilSample | GazeSample]]:
-        diameters_mm = self._pupil.diameters_mm(np.maximum(times_ns[part] - joined_ns, 0) / NS_PER_S)
-        drawn = slice_of(stretch, part, diameters_mm)
+        pupil_diameters_mm = self._pupil.pupil_diameters_mm(np.maximum(times_ns[part] - joined_ns, 0) / NS_PER_S)
+        drawn = slice_of(stretch, part, pupil_diameters_mm)
         return measured_groups(self._noise_rng, drawn, self.settings, times_ns[part].tolist())
 
     def _drawn(self, number: int) -> Truth:

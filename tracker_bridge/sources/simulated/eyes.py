@@ -84,8 +84,8 @@ class SimulatedEyes:
     def samples(self) -> Iterator[PupilSample | GazeSample]:
         """All samples in the order of their time: at each both pupils, then the direction of each eye and of both."""
         m = self._measured
-        px = np.maximum(m.diameter_mm, 0.0) * PX_PER_MM
-        pupils = np.stack([m.diameter_mm, m.confidence, m.model_confidence, px, m.openness], axis=-1)
+        px = np.maximum(m.pupil_diameter_mm, 0.0) * PX_PER_MM
+        pupils = np.stack([m.pupil_diameter_mm, m.confidence, m.model_confidence, px, m.openness], axis=-1)
         gazes = np.stack([m.azimuth_deg, m.elevation_deg, m.confidence], axis=-1)
         both = gazes.mean(axis=0)
         for at, t_ns in enumerate(self.truth.t_ns.tolist()):
@@ -152,6 +152,6 @@ def _live(
         t_ns=t_ns,
         azimuth_deg=np.stack([np.interp(t_s, grid_s, gaze[eye, 0]) for eye in Eye]),
         elevation_deg=np.stack([np.interp(t_s, grid_s, gaze[eye, 1]) for eye in Eye]),
-        diameter_mm=np.interp(t_s, np.arange(diameter.size) * STEP_S, diameter),
+        pupil_diameter_mm=np.interp(t_s, np.arange(diameter.size) * STEP_S, diameter),
         openness=openness_at(t_s, blinks),
     )

@@ -63,10 +63,10 @@ def openness_at(t_s: Floats, blinks: Sequence[Blink]) -> Floats:
     return openness
 
 
-def visible_height(openness: Floats, diameter_mm: Floats) -> Floats:
+def visible_height(openness: Floats, pupil_diameter_mm: Floats) -> Floats:
     """The share of the pupil's height that the upper lid leaves to see, 0 … 1."""
-    below_lid_mm = openness * FISSURE_MM - PUPIL_HEIGHT_MM + diameter_mm / 2
-    return np.clip(below_lid_mm / diameter_mm, 0.0, 1.0)
+    below_lid_mm = openness * FISSURE_MM - PUPIL_HEIGHT_MM + pupil_diameter_mm / 2
+    return np.clip(below_lid_mm / pupil_diameter_mm, 0.0, 1.0)
 
 
 def visible_area(height: Floats) -> Floats:

@@ -52,7 +52,7 @@ class LightReflex:
 
     def next_mm(self) -> float:
         """The diameter at the present step, without unrest; then one step on."""
-        diameter = self._reflex.diameter_mm
+        diameter = self._reflex.pupil_diameter_mm
         while self._coming and self._step >= self._coming[0][0]:
             self._luminance = self._coming.popleft()[1]
         self._reflex.step(self._luminance)
@@ -69,12 +69,12 @@ class Hippus:
         self._values: list[list[float]] = [[] for _ in self._rngs]
         self._phase = 0.0
 
-    def next_mm(self, diameter_mm: float) -> float:
+    def next_mm(self, pupil_diameter_mm: float) -> float:
         """The diameter with its unrest; then one step on."""
-        self._phase += STEP_S / diameter_mm
+        self._phase += STEP_S / pupil_diameter_mm
         noise = math.fsum(weight * self._octave(octave) for octave, weight in enumerate(_OCTAVE_WEIGHTS))
-        swing = _P_MAX_MM / diameter_mm * math.sqrt(1.0 - min(diameter_mm / _P_MAX_MM, 1.0))
-        return diameter_mm + self._gain * noise * swing
+        swing = _P_MAX_MM / pupil_diameter_mm * math.sqrt(1.0 - min(pupil_diameter_mm / _P_MAX_MM, 1.0))
+        return pupil_diameter_mm + self._gain * noise * swing
 
     def _octave(self, octave: int) -> float:
         place = math.ldexp(self._phase, octave)
@@ -100,7 +100,7 @@ class LivePupil:
         """The light from a time on; the pupil answers LATENCY_S later."""
         self._reflex.set_luminance(t_s, luminance_cd_m2)
 
-    def diameters_mm(self, t_s: NDArray[np.float64]) -> NDArray[np.float64]:
+    def pupil_diameters_mm(self, t_s: NDArray[np.float64]) -> NDArray[np.float64]:
         """The diameters at some times, none of them before those asked for last."""
         first, last = int(t_s[0] / STEP_S), math.ceil(t_s[-1] / STEP_S)
         while self._first + len(self._grid_mm) <= last:
@@ -125,7 +125,7 @@ class SimulatedLiveEyes:
         self.settings = settings
         self._paced = paced
         self._drawn: Truth = drawn.truth
-        self._diameter_mm = np.full(self._drawn.t_ns.size, math.nan)
+        self._pupil_diameter_mm = np.full(self._drawn.t_ns.size, math.nan)
         self._lived = 0
         hippus_seed, noise_seed = live_seeds(settings.seed)
         self._pupil = LivePupil(settings, hippus_seed)
@@ -150,7 +150,7 @@ class SimulatedLiveEyes:
         lived = slice(self._lived)
         until_ns = int(self._drawn.t_ns[self._lived - 1]) if self._lived else -1
         return dataclasses.replace(
-            slice_of(self._drawn, lived, self._diameter_mm[lived]),
+            slice_of(self._drawn, lived, self._pupil_diameter_mm[lived]),
             events=tuple(event for event in self._drawn.events if event.offset_ns <= until_ns),
         )
 
@@ -172,10 +172,10 @@ class SimulatedLiveEyes:
     def _live(self, part: slice) -> list[list[PupilSample | GazeSample]]:
         """The samples of some times, a list for each."""
         times = self._drawn.t_ns[part]
-        diameter_mm = self._pupil.diameters_mm(times / NS_PER_S)
-        self._diameter_mm[part] = diameter_mm
+        pupil_diameter_mm = self._pupil.pupil_diameters_mm(times / NS_PER_S)
+        self._pupil_diameter_mm[part] = pupil_diameter_mm
         self._lived += times.size
-        drawn = slice_of(self._drawn, part, diameter_mm)
+        drawn = slice_of(self._drawn, part, pupil_diameter_mm)
         return measured_groups(self._noise_rng, drawn, self.settings, (times + self._start_ns).tolist())
 
 
@@ -191,14 +191,14 @@ def live_seeds(seed: int) -> tuple[np.random.SeedSequence, np.random.SeedSequenc
     return hippus_seed, noise_seed
 
 
-def slice_of(drawn: Truth, part: slice, diameter_mm: NDArray[np.float64]) -> Truth:
+def slice_of(drawn: Truth, part: slice, pupil_diameter_mm: NDArray[np.float64]) -> Truth:
     """Some times of what was drawn, with other pupils."""
     return Truth(
         drawn.events,
         drawn.t_ns[part],
         drawn.azimuth_deg[:, part],
         drawn.elevation_deg[:, part],
-        diameter_mm,
+        pupil_diameter_mm,
         drawn.openness[part],
     )
 
@@ -208,8 +208,8 @@ def measured_groups(
 ) -> list[list[PupilSample | GazeSample]]:
     """What a tracker measures, the samples of each time: both pupils, then the direction of each eye and of both."""
     m = measure(rng, drawn, settings.noise_deg, settings.diameter_noise_mm)
-    px = np.maximum(m.diameter_mm, 0.0) * PX_PER_MM
-    pupils = np.stack([m.diameter_mm, m.confidence, m.model_confidence, px, m.openness], axis=-1).tolist()
+    px = np.maximum(m.pupil_diameter_mm, 0.0) * PX_PER_MM
+    pupils = np.stack([m.pupil_diameter_mm, m.confidence, m.model_confidence, px, m.openness], axis=-1).tolist()
     gazes = np.stack([m.azimuth_deg, m.elevation_deg, m.confidence], axis=-1)
     each, both = gazes.tolist(), gazes.mean(axis=0).tolist()
     return [

@@ -62,7 +62,7 @@ class ReflexSteps:
     def __init__(self, luminance_cd_m2: float, field_deg2: float, age_years: float) -> None:
         self._field_deg2, self._age_years = field_deg2, age_years
         self._light(luminance_cd_m2)
-        self._adapted = self._fast = self._slow = self._smoothed = self.diameter_mm = self._steady
+        self._adapted = self._fast = self._slow = self._smoothed = self.pupil_diameter_mm = self._steady
         """What each filter holds, as the diameter that it asks for, mm."""
         self._adapt, self._fast_out, self._slow_in, self._slow_out = (
             -math.expm1(-STEP_S / tau_s)
@@ -71,7 +71,7 @@ class ReflexSteps:
         self._lag_kept = math.exp(-STEP_S / _SMOOTHING_S)
 
     def step(self, luminance_cd_m2: float) -> None:
-        """One STEP_S on, under this light, which came LATENCY_S ago; `diameter_mm` is then what it is."""
+        """One STEP_S on, under this light, which came LATENCY_S ago; `pupil_diameter_mm` is then what it is."""
         if luminance_cd_m2 != self._luminance:
             self._light(luminance_cd_m2)
         surge = 10.0 ** (_SURGE_DECADES_PER_MM * (self._adapted - self._steady))
@@ -83,7 +83,9 @@ class ReflexSteps:
         # Both lags at once, for what goes into them is constant over the step.
         lag_mm = self._smoothed - both
         self._smoothed = both + lag_mm * self._lag_kept
-        self.diameter_mm = both + (self.diameter_mm - both + lag_mm * STEP_S / _SMOOTHING_S) * self._lag_kept
+        self.pupil_diameter_mm = (
+            both + (self.pupil_diameter_mm - both + lag_mm * STEP_S / _SMOOTHING_S) * self._lag_kept
+        )
 
     def _light(self, luminance_cd_m2: float) -> None:
         self._luminance = luminance_cd_m2
@@ -107,22 +109,22 @@ def light_reflex_mm(
     at = 0
     diameters = np.empty(math.ceil(seconds / STEP_S) + 1)
     for step in range(diameters.size):
-        diameters[step] = reflex.diameter_mm
+        diameters[step] = reflex.pupil_diameter_mm
         while at + 1 < len(steps) and step >= from_step[at + 1]:
             at += 1
         reflex.step(steps[at][1])
     return diameters
 
 
-def with_hippus_mm(rng: np.random.Generator, diameters_mm: Floats, gain: float) -> Floats:
+def with_hippus_mm(rng: np.random.Generator, pupil_diameters_mm: Floats, gain: float) -> Floats:
     """The same diameters, every STEP_S, with the pupil's unrest: Ritschel et al. 2009, eq. 1, in mm.
 
     The paper gives the noise no amplitude; `gain` is it (0.1 makes ± 0.17 mm at 4 mm, what is seen in healthy eyes).
     Its t/p is taken as an integral over time, so that the noise does not jump when p changes.
     """
-    phase = np.cumsum(STEP_S / diameters_mm)
-    swing = _P_MAX_MM / diameters_mm * np.sqrt(1.0 - np.minimum(diameters_mm / _P_MAX_MM, 1.0))
-    return diameters_mm + gain * _value_noise(rng, phase) * swing
+    phase = np.cumsum(STEP_S / pupil_diameters_mm)
+    swing = _P_MAX_MM / pupil_diameters_mm * np.sqrt(1.0 - np.minimum(pupil_diameters_mm / _P_MAX_MM, 1.0))
+    return pupil_diameters_mm + gain * _value_noise(rng, phase) * swing
 
 
 def _value_noise(rng: np.random.Generator, at: Floats) -> Floats:

@@ -41,7 +41,7 @@ _OPENNESS_NOISE = 0.01
 class Measured:
     """What a tracker reports at n times; all arrays have the shape (2, n), the right eye first."""
 
-    diameter_mm: Floats
+    pupil_diameter_mm: Floats
     confidence: Floats
     model_confidence: Floats
     openness: Floats
@@ -56,15 +56,15 @@ def measure(rng: np.random.Generator, truth: Truth, gaze_noise_deg: float, diame
     apparent gaze down with the middle of what is to see, and lowers the confidence a little; then the pupil is lost.
     """
     shape = truth.azimuth_deg.shape
-    height = np.broadcast_to(visible_height(truth.openness, truth.diameter_mm), shape)
+    height = np.broadcast_to(visible_height(truth.openness, truth.pupil_diameter_mm), shape)
     lost = height < _LOST_BELOW
-    diameter = truth.diameter_mm * np.sqrt(visible_area(height)) + rng.normal(0.0, diameter_noise_mm, shape)
+    diameter = truth.pupil_diameter_mm * np.sqrt(visible_area(height)) + rng.normal(0.0, diameter_noise_mm, shape)
     covered = (1.0 - height) / (1.0 - _LOST_BELOW)
     confidence = _CONFIDENCE_OPEN - (_CONFIDENCE_OPEN - _CONFIDENCE_LAST) * covered
-    pulled_down = np.degrees((1.0 - height) * truth.diameter_mm / 2 / _EYE_RADIUS_MM)
+    pulled_down = np.degrees((1.0 - height) * truth.pupil_diameter_mm / 2 / _EYE_RADIUS_MM)
     noise = rng.normal(0.0, 1.0, (2, *shape)) * np.where(lost, _LOST_GAZE_NOISE_DEG, gaze_noise_deg)
     return Measured(
-        diameter_mm=np.where(lost, LOST_MM, diameter),
+        pupil_diameter_mm=np.where(lost, LOST_MM, diameter),
         confidence=np.where(lost, 0.0, confidence - 0.01 * rng.random(shape)),
         model_confidence=np.where(lost, LOST_MODEL_CONFIDENCE, 1.0),
         openness=np.clip(truth.openness + rng.normal(0.0, _OPENNESS_NOISE, shape), 0.0, 1.0),

@@ -44,7 +44,7 @@ class Truth:
     """Shape (2, n), the right eye first."""
     elevation_deg: Floats
     """Shape (2, n), the right eye first."""
-    diameter_mm: Floats
+    pupil_diameter_mm: Floats
     """Shape (n,): both pupils are equal, as in a healthy person."""
     openness: Floats
     """Shape (n,), 0 … 1: both lids move together."""

@@ -117,13 +117,13 @@ def _wide_open(rows: Iterable[Row], table_map: TableMap) -> dict[Eye, float]:
 def _pupil(
     row: Row, t_ns: int, eye: Eye, channels: EyeChannels, confidence: float, wide_open: float | None
 ) -> PupilSample:
-    diameter_mm = diameter_px = None
+    pupil_diameter_mm = diameter_px = None
     if channels.diameter is not None:
         diameter = row.number(channels.diameter.column)
         if diameter is not None and channels.diameter.unit == "px":
             diameter_px = diameter
         elif diameter is not None:
-            diameter_mm = diameter * _MM_PER_UNIT[channels.diameter.unit]
+            pupil_diameter_mm = diameter * _MM_PER_UNIT[channels.diameter.unit]
         else:
             confidence = 0.0
     openness = None
@@ -133,7 +133,7 @@ def _pupil(
         # An eye that never opened has nothing to be measured against.
         if opening is not None and full is not None and full > 0.0:
             openness = min(max(opening / full, 0.0), 1.0)
-    return PupilSample(t_ns, eye, diameter_mm, confidence, diameter_px=diameter_px, openness=openness)
+    return PupilSample(t_ns, eye, pupil_diameter_mm, confidence, diameter_px=diameter_px, openness=openness)
 
 
 def _confidence(row: Row, channels: EyeChannels | GazeChannels) -> float:

@@ -90,11 +90,13 @@ def test_after_ever_pigments_have_settled(kind: Bleaching, luminance: float) -> 
 
 
 @pytest.mark.parametrize("kind", KINDS)
-@pytest.mark.parametrize("pupil_mm", [2.0, 4.0, 8.0])
-def test_an_eye_that_has_settled_sees_by_the_light_not_by_what_it_bleached(kind: Bleaching, pupil_mm: float) -> None:
+@pytest.mark.parametrize("pupil_diameter_mm", [2.0, 4.0, 8.0])
+def test_an_eye_that_has_settled_sees_by_the_light_not_by_what_it_bleached(
+    kind: Bleaching, pupil_diameter_mm: float
+) -> None:
     """The threshold of an adapted eye holds its bleaching already: never is it counted twice."""
     for luminance in 10 ** np.linspace(-6, 9, 61):
-        assert equivalent_cd_m2(settled(luminance, kind, pupil_mm), kind) < luminance
+        assert equivalent_cd_m2(settled(luminance, kind, pupil_diameter_mm), kind) < luminance
 
 
 @pytest.mark.parametrize("kind", KINDS)

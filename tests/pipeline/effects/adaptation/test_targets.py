@@ -99,7 +99,7 @@ def test_of_a_panorama_the_scene_is_the_whole_sphere_wherever_the_head_turns() -
     how = Effects(adaptation=Adaptation(target=Target.BAR_SCENE))
     for head in (Head(), Head(pitch_deg=80.0)):
         frame = panorama.frame(0.0, View(32, 32, 60.0), head, (Eye.LEFT,))
-        seen = perceive(frame, EyePose(pupil_mm=3.0), observer=Observer(gratings=0, particles=0), effects=how)
+        seen = perceive(frame, EyePose(pupil_diameter_mm=3.0), observer=Observer(gratings=0, particles=0), effects=how)
         assert seen.state.adapted_cd_m2[0] == pytest.approx(2.0, rel=1e-6)
 
 

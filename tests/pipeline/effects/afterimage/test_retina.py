@@ -34,10 +34,12 @@ def after(
     dt_s: float,
     gaze_px: tuple[float, float] = MIDDLE,
     openness: float = 1.0,
-    pupil_mm: float = PUPIL_MM,
+    pupil_diameter_mm: float = PUPIL_MM,
     view: View = VIEW,
 ) -> Retina:
-    return step(retina, image, view, gaze_px, pupil_mm=pupil_mm, openness=openness, dt_s=dt_s, exposure=0.01)
+    return step(
+        retina, image, view, gaze_px, pupil_diameter_mm=pupil_diameter_mm, openness=openness, dt_s=dt_s, exposure=0.01
+    )
 
 
 def fovea(retina: Retina) -> np.ndarray:
@@ -119,8 +121,8 @@ def test_no_light_comes_through_closed_lids_and_bleaching_outlasts_a_blink() -> 
 
 
 def test_a_pupil_twice_as_wide_lets_four_times_the_light_in() -> None:
-    wide = after(rested(SETTINGS), wall(100.0), 1.0, pupil_mm=6.0)
-    narrow = after(rested(SETTINGS), wall(400.0), 1.0, pupil_mm=3.0)
+    wide = after(rested(SETTINGS), wall(100.0), 1.0, pupil_diameter_mm=6.0)
+    narrow = after(rested(SETTINGS), wall(400.0), 1.0, pupil_diameter_mm=3.0)
     np.testing.assert_allclose(wide.bleached, narrow.bleached, rtol=1e-5)
 
 
@@ -202,7 +204,7 @@ def test_an_eye_sees_its_own_image_of_a_frame() -> None:
             VIEW,
             MIDDLE,
             image=k,
-            pupil_mm=4.0,
+            pupil_diameter_mm=4.0,
             openness=1.0,
             dt_s=1.0,
             exposure=1.0,

@@ -29,7 +29,7 @@ def looked_at(rgb: tuple[float, float, float], seconds: float = 10.0, adapted_cd
         jnp.asarray(image),
         VIEW,
         MIDDLE,
-        pupil_mm=4.0,
+        pupil_diameter_mm=4.0,
         openness=1.0,
         dt_s=seconds,
         exposure=exposure(adapted_cd_m2),
@@ -83,7 +83,9 @@ def test_a_rested_retina_changes_nothing() -> None:
 
 def test_a_wall_that_fills_the_frame_leaves_nothing() -> None:
     image = jnp.full((3, VIEW.height_px, VIEW.width_px), 5e4, jnp.float32)
-    retina = step(rested(SETTINGS), image, VIEW, MIDDLE, pupil_mm=4.0, openness=1.0, dt_s=5.0, exposure=exposure(1.0))
+    retina = step(
+        rested(SETTINGS), image, VIEW, MIDDLE, pupil_diameter_mm=4.0, openness=1.0, dt_s=5.0, exposure=exposure(1.0)
+    )
     assert float(retina.bleached.max()) > 0.5
     np.testing.assert_allclose(shown(retina, 0.5), 0.5, atol=2e-4)
 
@@ -120,7 +122,9 @@ def test_in_the_dark_it_shines_and_fades() -> None:
         assert picture[:, 10, 10].max() < 1e-6
         brightness.append(float(picture[1, 75, 90]))
         closed = jnp.zeros((3, VIEW.height_px, VIEW.width_px), jnp.float32)
-        retina = step(retina, closed, VIEW, MIDDLE, pupil_mm=4.0, openness=0.0, dt_s=60.0, exposure=exposure(1.0))
+        retina = step(
+            retina, closed, VIEW, MIDDLE, pupil_diameter_mm=4.0, openness=0.0, dt_s=60.0, exposure=exposure(1.0)
+        )
     assert 0.5 < brightness[0] < 1
     assert brightness == sorted(brightness, reverse=True)
     assert brightness[3] < brightness[0] / 3

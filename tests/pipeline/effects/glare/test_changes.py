@@ -47,9 +47,11 @@ def frames() -> dict[str, np.ndarray]:
 def actual(
     frame: Frame, kernel: Mixture, case: str, gaze_px: tuple[float, float], level: GlareLevel
 ) -> tuple[Measurement, np.ndarray]:
-    model, pupil_mm, _ = CASES[case]
+    model, pupil_diameter_mm, _ = CASES[case]
     (measured,) = measure(frame)
-    image = glared(frame.rgb_cd_m2[0], frame.view, kernel, OBSERVER, Pose(pupil_mm), Glare(model, level), gaze_px)
+    image = glared(
+        frame.rgb_cd_m2[0], frame.view, kernel, OBSERVER, Pose(pupil_diameter_mm), Glare(model, level), gaze_px
+    )
     return measured, image
 
 

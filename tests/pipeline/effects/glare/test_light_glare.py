@@ -88,9 +88,13 @@ def test_an_unknown_spectrum_is_named() -> None:
 def test_a_light_follows_the_pupil_whatever_the_frames_own_function(model: GlareModel) -> None:
     frame = dataclasses.replace(Frame.from_rgb(np.full((60, 64, 3), 0.01, np.float32), 40.0), lights=(Light(0, 0, 1),))
     state, images = RenderState((0.05,)), []
-    for pupil_mm in (3.0, 7.0):
+    for pupil_diameter_mm in (3.0, 7.0):
         seen = perceive(
-            frame, EyePose(pupil_mm=pupil_mm), observer=EYE, state=state, effects=Effects(glare=Glare(model))
+            frame,
+            EyePose(pupil_diameter_mm=pupil_diameter_mm),
+            observer=EYE,
+            state=state,
+            effects=Effects(glare=Glare(model)),
         )
         images.append(np.asarray(seen.state.reusable[GLARE.name].result))
         state = seen.state

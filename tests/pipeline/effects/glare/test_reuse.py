@@ -31,13 +31,14 @@ def lamp() -> Frame:
 
 
 FRAME = lamp()
+RESTING = EyePose(pupil_diameter_mm=5.0)
 
 
-def seen(frame: Frame = FRAME, eye: EyePose = EyePose(pupil_mm=5.0), **more: object) -> Perceived:  # noqa: B008
+def seen(frame: Frame = FRAME, eye: EyePose = RESTING, **more: object) -> Perceived:
     return perceive(frame, eye, **{"observer": EYE, "state": RenderState((1.0,)), **more})
 
 
-def again(before: Perceived, frame: Frame = FRAME, eye: EyePose = EyePose(pupil_mm=5.0), **more: object) -> bool:  # noqa: B008
+def again(before: Perceived, frame: Frame = FRAME, eye: EyePose = RESTING, **more: object) -> bool:
     """Whether the next frame has the same glare, not computed again."""
     after = perceive(frame, eye, **{"observer": EYE, "state": before.state, "dt_s": 1 / 60, **more})
     assert (after.state.reusable["glare"] is before.state.reusable["glare"]) == ("glare" in after.reused)
@@ -51,8 +52,8 @@ def test_nothing_changed_is_not_computed_again() -> None:
 @pytest.mark.parametrize(
     "change",
     [
-        {"eye": EyePose(pupil_mm=5.1)},
-        {"eye": EyePose(azimuth_deg=1.0, pupil_mm=5.0)},
+        {"eye": EyePose(pupil_diameter_mm=5.1)},
+        {"eye": EyePose(azimuth_deg=1.0, pupil_diameter_mm=5.0)},
         {"effects": Effects(glare=Glare(level=GlareLevel.FRAME))},
         {"observer": Observer(gratings=21)},
         {"frame": lamp()},
@@ -66,14 +67,14 @@ def test_what_changes_glare_is_computed(change: dict[str, object]) -> None:
 
 def test_a_gaze_changes_nothing_of_a_whole_frame() -> None:
     frame = Effects(glare=Glare(level=GlareLevel.FRAME))
-    assert again(seen(effects=frame), eye=EyePose(azimuth_deg=3.0, pupil_mm=5.0), effects=frame)
+    assert again(seen(effects=frame), eye=EyePose(azimuth_deg=3.0, pupil_diameter_mm=5.0), effects=frame)
 
 
 def test_lids_that_touch_no_light_change_nothing_and_those_that_do_do() -> None:
     blinking = Observer(gratings=20, ocular_dynamics=OcularDynamics(lids=True))
     before = seen(observer=blinking)
-    assert again(before, eye=EyePose(pupil_mm=5.0, openness=0.95), observer=blinking)
-    assert not again(before, eye=EyePose(pupil_mm=5.0, openness=0.5), observer=blinking)
+    assert again(before, eye=EyePose(pupil_diameter_mm=5.0, openness=0.95), observer=blinking)
+    assert not again(before, eye=EyePose(pupil_diameter_mm=5.0, openness=0.5), observer=blinking)
 
 
 def test_a_lens_in_motion_is_computed_each_time() -> None:
