@@ -6,7 +6,7 @@ import numpy as np
 
 from entoptic.services.calibration.display import NoDisplay
 from entoptic.services.calibration.result import judge
-from entoptic.services.calibration.run import GREY_SHARE, CalibrationRun, Room, follow, items_now
+from entoptic.services.calibration.run import GREY_SHARE, CalibrationRun, Room
 from entoptic.tracker_bridge.calibration import Protocol, Screen, Statistic, Step, luidolt, robust
 from entoptic.tracker_bridge.calibration_quality import Analysis
 from entoptic.tracker_bridge.samples import Eye
@@ -31,7 +31,9 @@ def calibrate(protocol: Protocol, seed: int, hippus: float) -> Analysis:
     )
     eyes = SimulatedLiveEyes(settings, paced=False)
     run = CalibrationRun(protocol, Room(NoDisplay(), eyes, WHITE_CD_M2, BLACK_CD_M2))
-    return judge(follow(run, items_now(eyes), eyes.info.name)).analysis
+    for item in eyes.samples():
+        run.step(item, item.t_ns)
+    return judge(run.recorded()).analysis
 
 
 def main() -> None:

@@ -12,6 +12,7 @@ import msgspec
 from msgspec import Meta
 
 from entoptic.described import described
+from entoptic.tracker_bridge.calibration import SECONDS_RANGE
 from entoptic.tracker_bridge.chain import LatencyMode
 from entoptic.tracker_bridge.sources import SPECS
 from entoptic.tracker_bridge.sources.pupil_core.remote import DEFAULT_REMOTE
@@ -77,6 +78,12 @@ TableMap = Annotated[
         option="--map",
         metavar="FILE",
     ),
+]
+WhiteS = Annotated[
+    float, described("Of each white screen.", ge=SECONDS_RANGE[0], le=SECONDS_RANGE[1], option="--white-seconds")
+]
+BlackS = Annotated[
+    float, described("Of the black screen.", ge=SECONDS_RANGE[0], le=SECONDS_RANGE[1], option="--black-seconds")
 ]
 Seed = Annotated[int, described("Which simulated person.", "Simulated person", ge=0)]
 ReaderKeys = Annotated[
@@ -163,6 +170,25 @@ class ViewConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_onl
     save: Annotated[
         tuple[Save, ...], described("How perceived frames are kept; may be given more than once.", "Frames are kept as")
     ] = (Save.VIDEO,)
+
+
+class CalibrationProtocol(StrEnum):
+    """Which screens are shown, and what is taken of them."""
+
+    ROBUST = "robust"
+    LUIDOLT = "luidolt"
+
+
+class CalibrationConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """How pupils are calibrated."""
+
+    protocol: Annotated[
+        CalibrationProtocol, described("White, black, white, medians; or the thesis's black, white, means.")
+    ] = CalibrationProtocol.ROBUST
+    white_s: WhiteS | None = None
+    black_s: BlackS | None = None
+    eyes: Annotated[Eyes, described("Leave an eye out that cannot be tracked.")] = Eyes.BOTH
+    map_mm: Annotated[bool, described("Map a tracker's millimetres onto 2–8 mm too, as the thesis does.")] = False
 
 
 class ObserverConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):

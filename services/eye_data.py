@@ -56,7 +56,7 @@ def open_eyes(
 
 
 def open_live_eyes(
-    eyes: EyesConfig, luminance: str | None, *, record_raw: str | None = None, begun_ns: int | None = None
+    eyes: SourceConfig, luminance: str | None, *, record_raw: str | None = None, begun_ns: int | None = None
 ) -> Source:
     """The same as a live source, whatever it is: simulated eyes have no end, a recording is played by the clock.
 

@@ -63,7 +63,7 @@ def run(
             publisher.publish_event(Heartbeat(t_ns, count, chain.late_count))
 
     publish(StreamStarted(start_ns, end_ns, info.name))
-    with contextlib.closing(_items(source)) as items:
+    with contextlib.closing(items_of(source)) as items:
         for item in items:
             attend()
             if stopped() or (until_ns is not None and (time.monotonic_ns() if live else item.t_ns) > until_ns):
@@ -79,8 +79,8 @@ def run(
     return count
 
 
-def _items(source: Source) -> Generator[Item]:
-    """A generator in any case: closing it closes the source's own."""
+def items_of(source: Source) -> Generator[Item]:
+    """Its items as a generator in any case: closing it closes the source's own."""
     yield from source.samples()
 
 

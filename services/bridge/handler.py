@@ -14,7 +14,7 @@ import structlog
 from entoptic.services.bridge.recording import BridgeRecording
 from entoptic.services.bridge.scene_light import SceneLight
 from entoptic.services.bridge.tracker_tasks import do_task
-from entoptic.services.calibration.live import PupilCalibration
+from entoptic.services.calibration.pupil_calibration import PupilCalibration
 from entoptic.services.ipc.client import Reply
 from entoptic.services.ipc.requests import (
     BridgeRequest,

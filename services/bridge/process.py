@@ -12,7 +12,9 @@ import structlog
 from entoptic.services import keys as key_files
 from entoptic.services.bridge.handler import BridgeHandler
 from entoptic.services.bridge.scene_light import SceneLight
-from entoptic.services.calibration.live import PupilCalibration
+from entoptic.services.calibration.display import SocketDisplay
+from entoptic.services.calibration.pupil_calibration import PupilCalibration
+from entoptic.services.calibration.run import Room
 from entoptic.services.eye_data import ROOM_CD_M2, open_eyes, open_live_eyes
 from entoptic.services.ipc.handler import RequestHandler
 from entoptic.services.ipc.requests import BridgeRequest
@@ -124,16 +126,12 @@ def _open_session(
         places["begun_ns"] = source.info.t_start_ns
     eyes = source if isinstance(source, EndlessEyes) else None
     if config.screens is not None and config.answers is not None:
-        handler.calibration = PupilCalibration(
-            config.screens,
-            config.answers,
-            source.info.name,
-            keys=keys,
-            context=publisher.context,
-            eyes=eyes,
-            scene_cd_m2=ROOM_CD_M2,
+        # The context's authenticator lets in whom the publisher knows.
+        display = SocketDisplay(
+            config.screens, config.answers, "page in a browser", keys=keys, context=publisher.context
         )
-        places["screens"], places["answers"] = handler.calibration.addresses
+        handler.calibration = PupilCalibration(Room(display, eyes), source.info.name, scene_cd_m2=ROOM_CD_M2)
+        places["screens"], places["answers"] = display.commands_address, display.answers_address
     if config.sees is not None:
         reader_keys = None if config.reader_keys is None else key_files.load_client(Path(config.reader_keys))
         handler.light = SceneLight(config.sees, reader_keys, publisher.context)

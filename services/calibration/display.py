@@ -63,8 +63,8 @@ class NoDisplay:
     """Says that it shows every screen, one frame after it was asked, and starts at once: for simulated eyes alone."""
 
     name = "none: simulated"
-    ready = True
-    uncertainty_ns = None
+    connected = ready = True
+    uncertainty_ns = unreadable = None
     _FRAME_NS = NS_PER_S // 60
 
     def __init__(self) -> None:
@@ -88,6 +88,9 @@ class NoDisplay:
         answers += [shown for shown in self._due if shown.t_ns <= now_ns]
         self._due = [shown for shown in self._due if shown.t_ns > now_ns]
         return answers
+
+    def close(self) -> None:
+        """Nothing is open."""
 
 
 class DisplayMessage(msgspec.Struct, frozen=True):

@@ -1,8 +1,8 @@
 """What came of a run of the black and white screens: judged, written and drawn, for command and live bridge alike.
 
-A bridge has it done by a process of its own (`Concluding`): judging and drawing take a second of computing, and in a
-thread of the bridge's they held its samples up by 45 ms. The run goes to the process's standard input and the outcome
-comes from its standard output, each one msgpack map.
+A command does it at once (`Concluded`). A bridge has it done by a process of its own (`Concluding`): judging and
+drawing take a second of computing, and in a thread of the bridge's they held its samples up by 45 ms. The run goes to
+the process's standard input and the outcome comes from its standard output, each one msgpack map.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ class Job(msgspec.Struct, frozen=True):
     display: str
     uncertainty_ns: int | None
     map_mm: bool
-    plot_failed: bool = True
+    plot_failed: bool
     """Whether a run without a result leaves its plot."""
 
 
@@ -82,8 +82,18 @@ def conclude(job: Job) -> Outcome:
     return Outcome(found, None if plot is None else str(plot), eyes, problems, words)
 
 
+class Concluded:
+    """A run that was worked out at once: where nothing else waits."""
+
+    def __init__(self, job: Job) -> None:
+        self.outcome: Outcome | None = conclude(job)
+
+    def end(self) -> None:
+        """There is nothing to give up."""
+
+
 class Concluding:
-    """A run that is being worked out; ask for its `outcome` now and then."""
+    """A run that is being worked out by another process; ask for its `outcome` now and then."""
 
     def __init__(self, job: Job) -> None:
         self._ended = False

@@ -1,31 +1,25 @@
 """Runs the black and white screens before a person, or simulated eyes: a run that a source's items step.
 
-`entoptic calibrate` owns such a run and the loop about it; in a live session the bridge steps one with the items that
-it publishes anyway (live.py). Nothing is judged here: see outcome.py.
+Nothing is judged here: see outcome.py. pupil_calibration.py owns the runs before one display.
 """
 
 from __future__ import annotations
 
 import dataclasses
-import time
-from collections.abc import Callable, Generator, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from typing import Protocol
 
 import msgspec
 
 from entoptic.services.calibration.display import Display, Request, ScreenShown
+from entoptic.services.config import CalibrationConfig, CalibrationProtocol, Eyes
 from entoptic.tracker_bridge import calibration as protocols
 from entoptic.tracker_bridge.calibration import SHOWN_WITHIN_NS, Calibration, Commands, Screen, ShownScreen, Stage
 from entoptic.tracker_bridge.samples import Eye, GazeSample, PupilSample
-from entoptic.tracker_bridge.source import Item, Source, SourceError
-from entoptic.tracker_bridge.sources.played import Played
-from entoptic.tracker_bridge.sources.simulated.eyes import SimulatedSettings
-from entoptic.tracker_bridge.sources.simulated.live import SimulatedLiveEyes
+from entoptic.tracker_bridge.source import Item
 
 GREY_SHARE = 0.2159
 """Luminance of sRGB's middle grey, #808080, of white's (IEC 61966-2-1)."""
-LONGEST_S = 900.0
-"""How long simulated eyes live: long enough for pauses and repetitions, and drawn in 2 s."""
 _NO_ANSWER = "The display does not answer when it is asked for its time. Look whether it is connected, and start again."
 
 
@@ -160,59 +154,13 @@ class CalibrationRun:
             self._room.display.show(command)
 
 
-def items_now(source: Source) -> Generator[tuple[Item, int]]:
-    """A source's items as if all were measured now, each with the time. Closing it frees what the source holds.
-
-    A recording is played at its pace. A simulation of a live source brings its own time.
-    """
-    own_time = isinstance(source, SimulatedLiveEyes) and not source.info.live
-    items = source.samples() if own_time or source.info.live else Played(source, time.monotonic_ns()).samples()
-    try:
-        for item in items:
-            yield item, item.t_ns if own_time else time.monotonic_ns()
-    finally:
-        if hasattr(items, "close"):
-            items.close()
+def protocol_of(config: CalibrationConfig) -> protocols.Protocol:
+    """Its protocol, the screens as long as given. Raises CalibrationError."""
+    make = {CalibrationProtocol.ROBUST: protocols.robust, CalibrationProtocol.LUIDOLT: protocols.luidolt}
+    given = {"white_s": config.white_s, "black_s": config.black_s}
+    return make[config.protocol](**{name: value for name, value in given.items() if value is not None})
 
 
-def follow(
-    run: CalibrationRun,
-    items: Iterator[tuple[Item, int]],
-    source: str,
-    stopped: Callable[[], bool] = lambda: False,
-    on_item: Callable[[Item, int], None] = lambda item, now_ns: None,
-) -> Recorded:
-    """Steps a run until it is over, or asked to stop. Raises SourceError that names the source if it ends before."""
-    for item, now_ns in items:
-        if stopped():
-            run.abort()
-        run.step(item, now_ns)
-        on_item(item, now_ns)
-        if run.is_over:
-            break
-    if not run.is_over:
-        if not stopped():
-            raise SourceError(
-                f"{source} ended before the calibration did: choose a source that goes on, or one that lasts "
-                f"{run.protocol.seconds:g} s and more"
-            )
-        run.abort()
-    return run.recorded()
-
-
-def protocol_of(name: str, white_s: float | None, black_s: float | None) -> protocols.Protocol:
-    """The protocol of this name, robust or luidolt, its screens as long as given. Raises CalibrationError."""
-    make = {"robust": protocols.robust, "luidolt": protocols.luidolt}[name]
-    given = {"white_s": white_s, "black_s": black_s}
-    return make(**{name: value for name, value in given.items() if value is not None})
-
-
-def eyes_of(choice: str) -> tuple[Eye, ...]:
+def eyes_of(config: CalibrationConfig) -> tuple[Eye, ...]:
     """Which eyes must succeed."""
-    return {"left": (Eye.LEFT,), "right": (Eye.RIGHT,)}.get(choice, tuple(Eye))
-
-
-def simulated_eyes(seed: int, room_cd_m2: float, *, paced: bool, seconds: float = LONGEST_S) -> SimulatedLiveEyes:
-    """Eyes that answer to the screens, at first in this light."""
-    settings = SimulatedSettings(seconds=seconds, seed=seed, luminance=((0.0, room_cd_m2),))
-    return SimulatedLiveEyes(settings, paced=paced)
+    return {Eyes.LEFT: (Eye.LEFT,), Eyes.RIGHT: (Eye.RIGHT,)}.get(config.eyes, tuple(Eye))

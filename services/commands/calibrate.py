@@ -4,34 +4,28 @@ from __future__ import annotations
 
 import contextlib
 import enum
-import functools
-import itertools
 from contextlib import ExitStack
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
+from msgspec.structs import asdict
 from rich.markup import escape
-from rich.progress import BarColumn, Progress, TaskID, TextColumn, TimeRemainingColumn
+from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 from rich.table import Table
 
 from entoptic.services.command_line import options
-from entoptic.services.config import SourceConfig
-from entoptic.services.eye_data import open_eyes
-from entoptic.services.process import Stop
+from entoptic.services.config import CalibrationConfig, SourceConfig
+from entoptic.services.eye_data import open_live_eyes
+from entoptic.services.process import INTERRUPTED, Stop
 from entoptic.services.terminal import console
 
 if TYPE_CHECKING:
+    from collections.abc import Iterable
+
     from entoptic.services.calibration.outcome import Outcome
-    from entoptic.services.calibration.run import CalibrationRun
+    from entoptic.services.calibration.pupil_calibration import PupilCalibration
     from entoptic.tracker_bridge.source import Item
-
-
-class ProtocolName(enum.StrEnum):
-    """Which screens."""
-
-    ROBUST = "robust"
-    LUIDOLT = "luidolt"
 
 
 class DisplayKind(enum.StrEnum):
@@ -41,21 +35,11 @@ class DisplayKind(enum.StrEnum):
     SOCKET = "socket"
 
 
-class CalibratedEyes(enum.StrEnum):
-    """Which eyes must succeed."""
-
-    BOTH = "both"
-    LEFT = "left"
-    RIGHT = "right"
-
-
 @options
 def calibrate(
     source: SourceConfig,
+    config: CalibrationConfig,
     out: Annotated[Path, typer.Option(help="The pupil map to write; its plot lies beside it.")] = Path("pupil.toml"),
-    protocol: Annotated[
-        ProtocolName, typer.Option(help="White, black, white, medians; or the thesis's black, white, means.")
-    ] = ProtocolName.ROBUST,
     display: Annotated[
         DisplayKind, typer.Option(help="A page in a browser, or your own program on two ZeroMQ sockets.")
     ] = DisplayKind.BROWSER,
@@ -66,14 +50,6 @@ def calibrate(
     keys: Annotated[
         Path | None, typer.Option(help="The bridge's keys, for a display program on another machine.")
     ] = None,
-    white_seconds: Annotated[float | None, typer.Option(help="Of each white screen.")] = None,
-    black_seconds: Annotated[float | None, typer.Option(help="Of the black screen.")] = None,
-    eyes: Annotated[CalibratedEyes, typer.Option(help="Leave an eye out that cannot be tracked.")] = (
-        CalibratedEyes.BOTH
-    ),
-    map_mm: Annotated[
-        bool, typer.Option("--map-mm", help="Map a tracker's millimetres onto 2–8 mm too, as the thesis does.")
-    ] = False,
     repeats: Annotated[int, typer.Option(min=1, max=20, help="Runs; the newest valid one is kept.")] = 1,
     fast: Annotated[bool, typer.Option("--fast", help="Simulated eyes alone: no display, and no waiting.")] = False,
     keep_failed: Annotated[
@@ -88,36 +64,41 @@ def calibrate(
 ) -> None:
     """Find out how far a person's pupils close and open, before white and black screens."""
     from entoptic.services import keys as key_files
-    from entoptic.services.calibration import run as calibrates
     from entoptic.services.calibration.display import Display, NoDisplay, SocketDisplay
-    from entoptic.services.calibration.outcome import Job, conclude
+    from entoptic.services.calibration.outcome import Concluded
+    from entoptic.services.calibration.pupil_calibration import BEGIN_WORDS, PupilCalibration
     from entoptic.services.calibration.result import refuse_unwritable
+    from entoptic.services.calibration.run import GREY_SHARE, Room, protocol_of
+    from entoptic.services.ipc.requests import CalibratePupils
+    from entoptic.tracker_bridge import bridge
     from entoptic.tracker_bridge.calibration import CalibrationError
     from entoptic.tracker_bridge.source import Source
     from entoptic.tracker_bridge.sources import SIMULATED
+    from entoptic.tracker_bridge.sources.simulated.endless import EndlessEyes
+    from entoptic.tracker_bridge.sources.simulated.eyes import SimulatedSettings
     from entoptic.tracker_bridge.sources.simulated.live import SimulatedLiveEyes
 
     # All input is looked at before anybody has to look at anything.
-    chosen = calibrates.protocol_of(protocol.value, white_seconds, black_seconds)
+    protocol = protocol_of(config)
     refuse_unwritable(out)
     if keys is not None and (fast or display is DisplayKind.BROWSER):
         raise CalibrationError("--keys are for a display program on another machine: add --display socket")
     simulated = source.source == SIMULATED
     if fast and not simulated:
         raise CalibrationError("--fast is for simulated eyes: a person's pupils take their time; leave it out")
+    if simulated and source.table_map is not None:
+        raise CalibrationError("simulated eyes take no --map: leave it out, or name a table as --source")
+    room_cd_m2 = white_cd_m2 * GREY_SHARE
     opened: Source
-    if simulated:
-        if source.table_map is not None:
-            raise CalibrationError("simulated eyes take no --map: leave it out, or name a table as --source")
+    if fast:
         # Nobody pauses where nobody looks.
-        seconds = repeats * (chosen.seconds + 1.0) if fast else calibrates.LONGEST_S
-        room_cd_m2 = white_cd_m2 * calibrates.GREY_SHARE
-        opened = calibrates.simulated_eyes(source.seed, room_cd_m2, paced=not fast, seconds=seconds)
+        seconds = repeats * (protocol.seconds + 1.0)
+        settings = SimulatedSettings(seconds=seconds, seed=source.seed, luminance=((0.0, room_cd_m2),))
+        opened = SimulatedLiveEyes(settings, paced=False)
     else:
-        opened = open_eyes(source)
+        opened = open_live_eyes(source, str(room_cd_m2) if simulated else None)
     for note in opened.info.notes:
         console.print(f"• {escape(note)}")
-    wanted, ids = calibrates.eyes_of(eyes.value), itertools.count(1)
     stop = Stop().on_signals()
     with ExitStack() as stack:
         screens: Display
@@ -141,51 +122,63 @@ def calibrate(
                     f"screens are asked for at [b]{screens.commands_address}[/b], answers are awaited at "
                     f'[b]{screens.answers_address}[/b]; the display starts with {{"request": "start"}}'
                 )
-        room = calibrates.Room(
-            screens, opened if isinstance(opened, SimulatedLiveEyes) else None, white_cd_m2, black_cd_m2
+        eyes = opened if isinstance(opened, EndlessEyes | SimulatedLiveEyes) else None
+        calibration = PupilCalibration(
+            Room(screens, eyes, white_cd_m2, black_cd_m2),
+            opened.info.name,
+            scene_cd_m2=room_cd_m2,
+            conclude=Concluded,
+            plot_failed=keep_failed,
+            own_time=fast,
         )
-        items = stack.enter_context(contextlib.closing(calibrates.items_now(opened)))
-        kept: Outcome | None = None
+        request = CalibratePupils(str(out), **asdict(config))
+        items = stack.enter_context(contextlib.closing(bridge.items_of(opened)))
+        words, found = BEGIN_WORDS, False
         for number in range(1, repeats + 1):
-            with Progress(
-                TextColumn("{task.description}"),
-                BarColumn(),
-                TimeRemainingColumn(),
-                console=console,
-                transient=True,
-                disable=not console.is_terminal,
-            ) as progress:
-                bar = progress.add_task("waiting for Start", total=chosen.seconds)
-                run = calibrates.CalibrationRun(chosen, room, wanted, ids)
-                show = functools.partial(_show_progress, progress, bar, run)
-                recorded = calibrates.follow(run, items, opened.info.name, stop, on_item=show)
-            outcome = conclude(
-                Job(recorded, str(out), opened.info.name, screens.name, screens.uncertainty_ns, map_mm, keep_failed)
-            )
-            kept = outcome if outcome.found is not None else kept
+            # What came of the last run stays in sight until the next one starts.
+            calibration.begin(request, words)
+            outcome = _follow(calibration, items, opened.info.name, protocol.seconds, stop)
+            words, found = outcome.words, found or outcome.found is not None
             _print_outcome(outcome, f"run {number} of {repeats}" if repeats > 1 else None)
-            if isinstance(screens, SocketDisplay) and screens.unreadable:
+            if screens.unreadable:
                 console.print(f"the display said something that cannot be read: {escape(screens.unreadable)}")
-            screens.tell(outcome.words, again=number < repeats)
             if stop():
-                raise typer.Exit(130)
-    if kept is None:
+                raise typer.Exit(INTERRUPTED)
+    if not found:
         console.print("no result: nothing was written")
         raise typer.Exit(1)
     console.print(f"results: [b]{escape(str(out.resolve()))}[/b]", soft_wrap=True)
 
 
-def _show_progress(progress: Progress, bar: TaskID, run: CalibrationRun, item: Item, now_ns: int) -> None:
+def _follow(calibration: PupilCalibration, items: Iterable[Item], source: str, seconds: float, stop: Stop) -> Outcome:
+    """Steps the run until it has an outcome. Raises SourceError that names the source if that ends before."""
     from entoptic.tracker_bridge.calibration import Stage
     from entoptic.tracker_bridge.events import SourceSilent
-    from entoptic.tracker_bridge.source import Tick
+    from entoptic.tracker_bridge.source import SourceError, Tick
 
-    if isinstance(item, SourceSilent):
-        console.print(f"[red]the tracker is silent:[/red] {escape(item.reason)}", soft_wrap=True)
-    if isinstance(item, Tick):
-        words = {Stage.READY: "waiting for Start", Stage.SHOWING: run.screen.value}
-        description = words.get(run.stage, run.stage.value)
-        progress.update(bar, completed=run.seconds_done(now_ns), description=description)
+    columns = (TextColumn("{task.description}"), BarColumn(), TimeRemainingColumn())
+    with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as progress:
+        bar = progress.add_task("waiting for Start", total=seconds)
+        for item in items:
+            if stop():
+                calibration.stop()
+            calibration.step(item)
+            if calibration.outcome is not None:
+                return calibration.outcome
+            if isinstance(item, SourceSilent):
+                console.print(f"[red]the tracker is silent:[/red] {escape(item.reason)}", soft_wrap=True)
+            elif isinstance(item, Tick) and (status := calibration.status()) is not None:
+                shown = {Stage.READY: "waiting for Start", Stage.SHOWING: status["screen"]}
+                description = shown.get(status["stage"], status["stage"])
+                progress.update(bar, completed=status["seconds_done"], description=description)
+    if not stop():
+        raise SourceError(
+            f"{source} ended before the calibration did: choose a source that goes on, or one that lasts {seconds:g} s "
+            "and more"
+        )
+    calibration.stop()
+    assert calibration.outcome is not None
+    return calibration.outcome
 
 
 def _print_outcome(outcome: Outcome, title: str | None) -> None:

@@ -15,6 +15,7 @@ from msgspec.structs import replace
 from entoptic.errors import EntopticError
 from entoptic.services import settings as settings_file
 from entoptic.services.calibration.page import Screens
+from entoptic.services.config import CalibrationConfig
 from entoptic.services.console import listing, requests
 from entoptic.services.console.live import Live
 from entoptic.services.console.protocol import PERCEIVED, Replied
@@ -143,7 +144,7 @@ class Actions:
         out = folder / f"{request.name or f'{datetime.now():%Y-%m-%d_%H-%M-%S}'}.toml"
         if out.exists() and not request.overwrite:
             raise Refused(f"{out.stem} is there already: choose another name, or overwrite it", {"exists": True})
-        how = {name: getattr(request, name) for name in ("protocol", "white_s", "black_s", "eyes", "map_mm")}
+        how = {name: getattr(request, name) for name in CalibrationConfig.__struct_fields__}
         return replace(await self._bridge(ipc.CalibratePupils(str(out), **how)), data={"pupil_map": str(out)})
 
     def _running(self) -> Addresses | None:

@@ -9,6 +9,7 @@ from typing import Annotated, Any, Final, Literal, get_args
 
 import msgspec
 
+from entoptic.services.config import CalibrationConfig
 from entoptic.services.ipc.requests import Record, StartSession, StopCalibratingPupils, StopRecord, StopSession
 from entoptic.services.ipc.requests import TrackerRequest as TrackerRequest
 
@@ -31,7 +32,7 @@ class Watch(_Request, frozen=True, tag="watch"):
     displayed: bool = True
 
 
-class CalibratePupils(_Request, frozen=True, tag="calibrate pupils"):
+class CalibratePupils(CalibrationConfig, frozen=True, tag_field="do", tag="calibrate pupils"):
     """A pupil calibration is to begin: open the page at `hello.screens_url`.
 
     How it goes is in the bridge's status, `calibrating` and `calibrated`.
@@ -39,11 +40,6 @@ class CalibratePupils(_Request, frozen=True, tag="calibrate pupils"):
 
     name: MapName = ""
     """Of the pupil map; the time unless given. Reply data: {"pupil_map": path}, for a later SessionConfig."""
-    protocol: Literal["robust", "luidolt"] = "robust"
-    white_s: Annotated[float, msgspec.Meta(ge=1.0, le=120.0)] | None = None
-    black_s: Annotated[float, msgspec.Meta(ge=1.0, le=120.0)] | None = None
-    eyes: Literal["both", "left", "right"] = "both"
-    map_mm: bool = False
     overwrite: bool = False
     """Whether a valid run may replace a map of that name; unless it is set such a one is refused, with the reply data
     {"exists": true}."""

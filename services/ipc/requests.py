@@ -5,10 +5,9 @@ Each is one msgpack map whose `do` says which; other languages see docs/wire-for
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
-
 import msgspec
 
+from entoptic.services.config import CalibrationConfig
 from entoptic.services.session_config import SessionConfig
 from entoptic.services.settings import Settings
 
@@ -36,17 +35,11 @@ class StopCalibration(_Request, frozen=True, tag="stop calibration"):
     """The tracker is to end its calibration of gaze."""
 
 
-class CalibratePupils(_Request, frozen=True, tag="calibrate pupils"):
+class CalibratePupils(CalibrationConfig, frozen=True, tag_field="do", tag="calibrate pupils"):
     """White and black screens on the display that follows the bridge's screens (services/calibration/display.py)."""
 
     out: str
     """The pupil map to write, a .toml file in a folder that is there; from then on the bridge uses it."""
-    protocol: Literal["robust", "luidolt"] = "robust"
-    white_s: Annotated[float, msgspec.Meta(ge=1.0, le=120.0)] | None = None
-    black_s: Annotated[float, msgspec.Meta(ge=1.0, le=120.0)] | None = None
-    eyes: Literal["both", "left", "right"] = "both"
-    map_mm: bool = False
-    """Maps a tracker's millimetres onto 2–8 mm too."""
 
 
 class StopCalibratingPupils(_Request, frozen=True, tag="stop calibrating pupils"):

@@ -2,7 +2,7 @@
 
 import itertools
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 
 import msgspec
@@ -14,7 +14,7 @@ from entoptic.errors import OutputError
 from entoptic.services.calibration import result as results
 from entoptic.services.calibration.display import Answer, NoDisplay, Request, SocketDisplay
 from entoptic.services.calibration.result import Attempt, judge
-from entoptic.services.calibration.run import GREY_SHARE, CalibrationRun, Room, follow, items_now
+from entoptic.services.calibration.run import GREY_SHARE, CalibrationRun, Recorded, Room
 from entoptic.tracker_bridge import pupil_map
 from entoptic.tracker_bridge.calibration import Protocol, Screen, ShowScreen, Stage, Statistic, Step, luidolt, robust
 from entoptic.tracker_bridge.calibration_quality import Failure
@@ -22,7 +22,8 @@ from entoptic.tracker_bridge.chain import Chain
 from entoptic.tracker_bridge.publisher import PortInUseError
 from entoptic.tracker_bridge.pupil_map import PupilMapError, Use
 from entoptic.tracker_bridge.samples import NS_PER_S, Eye, EyeState, PupilSample
-from entoptic.tracker_bridge.source import Item, SourceError, SourceInfo
+from entoptic.tracker_bridge.source import Item, SourceInfo
+from entoptic.tracker_bridge.sources.played import Played
 from entoptic.tracker_bridge.sources.simulated.eyes import SimulatedEyes, SimulatedSettings
 from entoptic.tracker_bridge.sources.simulated.live import SimulatedLiveEyes
 from entoptic.tracker_bridge.sources.simulated.pupil import watson_yellott_mm
@@ -35,14 +36,18 @@ TRUE_MM = {
 QUICK = Protocol("quick", (Step(Screen.WHITE, 0.4, 0.2), Step(Screen.BLACK, 0.4, 0.2)), Statistic.MEDIAN, False)
 
 
-def never() -> bool:
-    return False
-
-
 def eyes_of(seed: int = 1, *, paced: bool = False, **changes: float) -> SimulatedLiveEyes:
     light = ((0.0, GREY_SHARE * WHITE_CD_M2),)
     settings = SimulatedSettings(seconds=50.0, seed=seed, luminance=light, rate_hz=60.0)
     return SimulatedLiveEyes(msgspec.structs.replace(settings, **changes), paced=paced)
+
+
+def follow(run: CalibrationRun, items: Iterator[Item], *, live: bool = False) -> Recorded:
+    for item in items:
+        run.step(item, time.monotonic_ns() if live else item.t_ns)
+        if run.is_over:
+            break
+    return run.recorded()
 
 
 def attempt(
@@ -50,10 +55,9 @@ def attempt(
     protocol: Protocol | None = None,
     display: NoDisplay | None = None,
     lights: tuple[float, float] = (WHITE_CD_M2, BLACK_CD_M2),
-    stopped: Callable[[], bool] = never,
 ) -> Attempt:
     run = CalibrationRun(protocol or robust(), Room(display or NoDisplay(), eyes, *lights))
-    return judge(follow(run, items_now(eyes), eyes.info.name, stopped))
+    return judge(follow(run, eyes.samples()))
 
 
 def failures(one: Attempt) -> set[Failure]:
@@ -163,24 +167,18 @@ def test_a_pause_shows_grey_and_restarts_its_screen() -> None:
     assert one.screens[1].t_ns >= 20 * NS_PER_S
 
 
-def test_an_abort_and_ctrl_c_end_the_run() -> None:
+def test_an_abort_ends_the_run() -> None:
     one = attempt(eyes_of(), display=Scripted({12.0: Request.ABORT}))
     assert (failures(one), one.recorded.stage, len(one.screens)) == ({Failure.ABORTED}, Stage.ABORTED, 1)
-    assert failures(attempt(eyes_of(), stopped=lambda: True)) == {Failure.ABORTED}
-
-
-def test_a_source_that_ends_is_named() -> None:
-    with pytest.raises(SourceError, match=r"Simulated eyes 1, live ended before .* 34 s"):
-        attempt(eyes_of(seconds=10.0))
 
 
 def test_each_repetition_is_a_result_of_its_own() -> None:
     eyes = eyes_of(seconds=90.0)
     display = NoDisplay()
-    room, items, ids = Room(display, eyes, WHITE_CD_M2, BLACK_CD_M2), items_now(eyes), itertools.count(7)
-    first = judge(follow(CalibrationRun(robust(), room, ids=ids), items, "eyes"))
+    room, items, ids = Room(display, eyes, WHITE_CD_M2, BLACK_CD_M2), eyes.samples(), itertools.count(7)
+    first = judge(follow(CalibrationRun(robust(), room, ids=ids), items))
     display.tell("again", again=True)
-    second = judge(follow(CalibrationRun(robust(), room, ids=ids), items, "eyes"))
+    second = judge(follow(CalibrationRun(robust(), room, ids=ids), items))
     assert next(ids) == 7 + 2 * 4  # no screen has the number of another
     assert first.problems == second.problems == ()
     assert second.screens[0].t_ns > first.screens[-1].window_ns[1]
@@ -196,7 +194,7 @@ def test_a_recording_is_played_at_its_pace_on_this_machines_clock() -> None:
 
     began_ns = time.monotonic_ns()
     recorded = Recorded()
-    one = judge(follow(CalibrationRun(QUICK, Room(NoDisplay())), items_now(recorded), "A recording"))
+    one = judge(follow(CalibrationRun(QUICK, Room(NoDisplay())), Played(recorded, began_ns).samples(), live=True))
     assert time.monotonic_ns() - began_ns >= 0.8 * NS_PER_S
     assert failures(one) == {Failure.NO_SPAN}
     assert began_ns < one.screens[0].t_ns < time.monotonic_ns()
@@ -273,7 +271,7 @@ def test_a_program_on_the_sockets_says_on_its_own_clock_when_it_showed_what() ->
             program.say(b"\xc1 no msgpack")
             program.say({"request": "start"})
             eyes = eyes_of(paced=True)
-            one = judge(follow(CalibrationRun(QUICK, Room(display, eyes)), items_now(eyes), eyes.info.name))
+            one = judge(follow(CalibrationRun(QUICK, Room(display, eyes)), eyes.samples(), live=True))
             assert one.recorded.stage is Stage.FINISHED
             assert display.uncertainty_ns is not None
             for number, screen in enumerate(one.screens, 1):

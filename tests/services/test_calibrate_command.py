@@ -12,10 +12,17 @@ import typer
 from rich.console import Console
 from typer.testing import CliRunner
 
+from entoptic.services.calibration import display as displays
+from entoptic.services.calibration.display import NoDisplay
+from entoptic.services.calibration.pupil_calibration import BEGIN_WORDS, PupilCalibration
+from entoptic.services.calibration.run import Room
 from entoptic.services.commands import calibrate as commands
+from entoptic.services.ipc.requests import CalibratePupils
+from entoptic.services.process import Stop
 from entoptic.tracker_bridge import pupil_map
 from entoptic.tracker_bridge.calibration import CalibrationError
 from entoptic.tracker_bridge.pupil_map import Use
+from entoptic.tracker_bridge.source import SourceError, Tick
 
 
 def run(folder: Path, *arguments: str) -> int:
@@ -72,6 +79,31 @@ def test_each_repetition_is_printed_and_one_is_kept(tmp_path: Path, said: Callab
     assert "run 1 of 2" in text
     assert "run 2 of 2" in text
     assert pupil_map.read(tmp_path / "my_pupil.toml").right is None
+
+
+def test_a_source_that_ends_before_the_screens_do_is_named(tmp_path: Path) -> None:
+    calibration = PupilCalibration(Room(NoDisplay()), "a recording")
+    assert calibration.begin(CalibratePupils(str(tmp_path / "my_pupil.toml"))).done
+    with pytest.raises(SourceError, match=r"a recording ended before .* 34 s"):
+        commands._follow(calibration, iter([Tick(0)]), "a recording", 34.0, Stop())
+
+
+def test_what_came_of_a_run_stays_in_sight_until_the_next_one_starts(
+    tmp_path: Path, said: Callable[[], str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    told: list[tuple[str, bool]] = []
+
+    class Noted(NoDisplay):
+        def tell(self, message: str, *, again: bool) -> None:
+            told.append((message, again))
+            super().tell(message, again=again)
+
+    monkeypatch.setattr(displays, "NoDisplay", Noted)
+    assert run(tmp_path, "--fast", "--protocol", "luidolt", "--repeats", "2") == 0
+    assert told[1] == (BEGIN_WORDS, True)
+    done = told[2][0]
+    assert "Done, thank you" in done
+    assert told[2:] == [(done, False), (done, True), (done, False)]
 
 
 def test_ctrl_c_changes_nothing(tmp_path: Path) -> None:

@@ -24,7 +24,8 @@ def outcome_of(concluding: Concluding) -> Outcome:
 def test_one_that_hangs_is_given_up(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(pupil_outcome, "_WITHIN_S", 0.05)
     recorded = Recorded(robust(), (Eye.LEFT,), Stage.FINISHED, (), [])
-    outcome = outcome_of(Concluding(Job(recorded, str(tmp_path / "out.toml"), "nobody", "none", None, False)))
+    job = Job(recorded, str(tmp_path / "out.toml"), "nobody", "none", None, map_mm=False, plot_failed=True)
+    outcome = outcome_of(Concluding(job))
     assert outcome.found is None
     assert [(one.name, "longer" in one.detail) for one in outcome.problems] == [("not worked out", True)]
     assert list(tmp_path.iterdir()) == []

@@ -12,7 +12,8 @@ from screen_program import ScreenProgram
 
 from entoptic.services import keys as key_files
 from entoptic.services.calibration.display import READY_WORDS, SocketDisplay
-from entoptic.services.calibration.live import WORKING_OUT, PupilCalibration
+from entoptic.services.calibration.pupil_calibration import WORKING_OUT, PupilCalibration
+from entoptic.services.calibration.run import Room
 from entoptic.services.ipc.requests import CalibratePupils
 from entoptic.tracker_bridge import pupil_map
 from entoptic.tracker_bridge.access import OpenAddressError
@@ -96,9 +97,15 @@ def eyes() -> PromptEyes:
 
 @pytest.fixture
 def loop(eyes: PromptEyes) -> Iterator[BridgeLoop]:
-    calibration = PupilCalibration(ANY, ANY, "made-up eyes", eyes=eyes, scene_cd_m2=SCENE_CD_M2)
+    calibration = PupilCalibration(Room(SocketDisplay(ANY, ANY), eyes), "made-up eyes", scene_cd_m2=SCENE_CD_M2)
     yield BridgeLoop(calibration, eyes)
     calibration.close()
+
+
+def addresses(calibration: PupilCalibration) -> tuple[str, str]:
+    display = calibration._display
+    assert isinstance(display, SocketDisplay)
+    return display.commands_address, display.answers_address
 
 
 def request(folder: Path, **changes: object) -> CalibratePupils:
@@ -114,7 +121,7 @@ def test_a_valid_run_leaves_a_map_a_plot_and_diameters_that_mean_something(
     assert (calibration.status(), calibration.result()) == (None, None)
     assert calibration.begin(request(tmp_path)).done
     assert not calibration.begin(request(tmp_path)).done  # one at a time
-    with ScreenProgram(*calibration.addresses) as program:
+    with ScreenProgram(*addresses(calibration)) as program:
         loop.until(lambda: program.told("Press Start"))
         status = calibration.status()
         assert status is not None
@@ -156,11 +163,11 @@ def test_a_valid_run_leaves_a_map_a_plot_and_diameters_that_mean_something(
 def test_simulated_eyes_see_the_screens_and_then_the_scene(tmp_path: Path) -> None:
     settings = SimulatedSettings(seconds=30.0, seed=1, luminance=((0.0, SCENE_CD_M2),), blinks_per_minute=0.0)
     eyes = SimulatedLiveEyes(settings)
-    calibration = PupilCalibration(ANY, ANY, eyes.info.name, eyes=eyes, scene_cd_m2=SCENE_CD_M2)
+    calibration = PupilCalibration(Room(SocketDisplay(ANY, ANY), eyes), eyes.info.name, scene_cd_m2=SCENE_CD_M2)
     loop = BridgeLoop(calibration, eyes)
     try:
         assert calibration.begin(request(tmp_path, white_s=2.0, black_s=2.0, eyes="left")).done
-        with ScreenProgram(*calibration.addresses) as program:
+        with ScreenProgram(*addresses(calibration)) as program:
             program.say({"request": "start"})
             loop.until(lambda: loop.stages[-1] == WORKING_OUT)
         before_white_mm = eyes.truth.pupil_diameter_mm[-1]
@@ -174,7 +181,7 @@ def test_a_failed_run_says_what_is_wrong_and_changes_nothing(tmp_path: Path, loo
     calibration = loop.calibration
     calibration._room = type(calibration._room)(calibration._room.display, None)  # eyes that see no screens
     assert calibration.begin(request(tmp_path)).done
-    with ScreenProgram(*calibration.addresses) as program:
+    with ScreenProgram(*addresses(calibration)) as program:
         program.say({"request": "start"})
         loop.until(calibration.result)
         loop.until(lambda: program.told("No result: no span"))
@@ -194,7 +201,7 @@ def test_a_run_can_be_stopped_from_both_sides_and_begun_anew(
 ) -> None:
     calibration = loop.calibration
     assert "nothing to stop" in calibration.stop().reply
-    with ScreenProgram(*calibration.addresses) as program:
+    with ScreenProgram(*addresses(calibration)) as program:
         for stop in (lambda: calibration.stop(), lambda: program.say({"request": "abort"})):
             assert calibration.begin(request(tmp_path)).done
             assert calibration.result() is None
@@ -215,14 +222,14 @@ def test_a_run_can_be_stopped_from_both_sides_and_begun_anew(
 def test_a_display_that_is_lost_in_the_middle_pauses_and_another_one_goes_on(tmp_path: Path, loop: BridgeLoop) -> None:
     calibration = loop.calibration
     assert calibration.begin(request(tmp_path)).done
-    with ScreenProgram(*calibration.addresses) as program:
+    with ScreenProgram(*addresses(calibration)) as program:
         program.say({"request": "start"})
         loop.until(lambda: (calibration.status() or {}).get("stage") == "showing")
     loop.until(lambda: (calibration.status() or {}).get("stage") == "paused")
     status = calibration.status()
     assert status is not None
     assert status["display"] is False
-    with ScreenProgram(*calibration.addresses, clock_ahead_ns=5 * NS_PER_S) as program:
+    with ScreenProgram(*addresses(calibration), clock_ahead_ns=5 * NS_PER_S) as program:
         loop.until(lambda: program.screen == "grey")  # it is told how things stand
         program.say({"request": "start"})
         loop.until(lambda: loop.stages[-1] == WORKING_OUT)  # both screens were shown to their end
@@ -241,13 +248,13 @@ def test_a_start_without_a_display_is_forgotten(tmp_path: Path, loop: BridgeLoop
     calibration = loop.calibration
     context: zmq.Context[zmq.Socket[bytes]] = zmq.Context()
     operator = context.socket(zmq.PUSH)
-    operator.connect(calibration.addresses[1])
+    operator.connect(addresses(calibration)[1])
     try:
         assert calibration.begin(request(tmp_path)).done
         operator.send(msgspec.msgpack.encode({"request": "start"}))
         until_s = time.monotonic() + 3.5
         loop.until(lambda: time.monotonic() > until_s)
-        with ScreenProgram(*calibration.addresses) as program:
+        with ScreenProgram(*addresses(calibration)) as program:
             loop.until(lambda: program.told("does not answer"))
             assert (calibration.status() or {})["stage"] == "ready"
             # With one, the operator may start too.
@@ -276,14 +283,15 @@ def test_idle_and_running_it_costs_next_to_nothing(tmp_path: Path, loop: BridgeL
 
 def test_beyond_this_machine_it_takes_keys(tmp_path: Path, eyes: PromptEyes) -> None:
     with pytest.raises(OpenAddressError):
-        PupilCalibration("tcp://0.0.0.0:*", ANY, "eyes")
+        SocketDisplay("tcp://0.0.0.0:*", ANY)
     out = tmp_path / "keys"
     key_files.make_bridge(out)
     server = key_files.load_server(out / "bridge")
     known = key_files.load_client(key_files.make_client(out, "console"))
     publisher = Publisher(ANY, ANY, keys=server)
-    calibration = PupilCalibration("tcp://0.0.0.0:*", "tcp://0.0.0.0:*", "eyes", keys=server, context=publisher.context)
-    here = [address.replace("0.0.0.0", "127.0.0.1") for address in calibration.addresses]
+    display = SocketDisplay("tcp://0.0.0.0:*", "tcp://0.0.0.0:*", keys=server, context=publisher.context)
+    calibration = PupilCalibration(Room(display), "eyes")
+    here = [address.replace("0.0.0.0", "127.0.0.1") for address in (display.commands_address, display.answers_address)]
     loop = BridgeLoop(calibration, eyes)
     try:
         assert calibration.begin(request(tmp_path)).done

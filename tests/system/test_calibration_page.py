@@ -27,12 +27,15 @@ from websockets.exceptions import ConnectionClosed
 from websockets.sync.client import ClientConnection, connect
 
 from entoptic.services.calibration.display import READY_WORDS, Request, SocketDisplay
-from entoptic.services.calibration.live import PupilCalibration
 from entoptic.services.calibration.page import PageServer, Screens
-from entoptic.services.calibration.run import CalibrationRun, Recorded, Room, follow, items_now, simulated_eyes
+from entoptic.services.calibration.pupil_calibration import PupilCalibration
+from entoptic.services.calibration.run import CalibrationRun, Room
+from entoptic.services.config import CalibrationProtocol, SourceConfig
+from entoptic.services.eye_data import open_live_eyes
 from entoptic.services.ipc.requests import CalibratePupils
 from entoptic.tracker_bridge.calibration import Protocol, Screen, Stage, Statistic, Step
 from entoptic.tracker_bridge.publisher import PortInUseError
+from entoptic.tracker_bridge.sources.simulated.endless import EndlessEyes
 
 QUICK = Protocol(
     "quick", (Step(Screen.WHITE, 1.5, 0.5), Step(Screen.BLACK, 1.5, 0.5)), Statistic.MEDIAN, must_settle=False
@@ -110,6 +113,20 @@ def wait_for(condition: Any) -> Any:
     pytest.fail("it did not come to that in half a minute")
 
 
+def stepping(run: CalibrationRun) -> threading.Thread:
+    """Steps a run by live eyes until it is over."""
+
+    def step() -> None:
+        for item in open_live_eyes(SourceConfig(), None).samples():
+            run.step(item, time.monotonic_ns())
+            if run.is_over:
+                break
+
+    thread = threading.Thread(target=step, daemon=True)
+    thread.start()
+    return thread
+
+
 @pytest.fixture
 def display() -> Iterator[SocketDisplay]:
     opened = SocketDisplay("tcp://127.0.0.1:*", "tcp://127.0.0.1:*")
@@ -136,11 +153,8 @@ def browser(tmp_path: Path, server: PageServer) -> Iterator[Browser]:
 def test_a_browser_shows_the_screens_and_says_when(
     display: SocketDisplay, server: PageServer, browser: Browser
 ) -> None:
-    left: list[Recorded] = []
-    eyes = simulated_eyes(1, 40.0, paced=True)
-    run = CalibrationRun(QUICK, Room(display, eyes))
-    running = threading.Thread(target=lambda: left.append(follow(run, items_now(eyes), "eyes")), daemon=True)
-    running.start()
+    run = CalibrationRun(QUICK, Room(display))
+    running = stepping(run)
     wait_for(lambda: browser.evaluate("!document.getElementById('start').disabled"))
     assert "Ready" in browser.evaluate("document.getElementById('message').textContent")
     browser.evaluate("document.getElementById('start').click()")
@@ -150,7 +164,7 @@ def test_a_browser_shows_the_screens_and_says_when(
         time.sleep(0.1)
         seen[screen] = browser.screenshot()
     running.join(GIVE_UP_S)
-    (recorded,) = left
+    recorded = run.recorded()
     assert recorded.stage is Stage.FINISHED
     # All of it, but for the small cross in the middle.
     assert (seen["white"] == 1.0).all(axis=-1).mean() > 0.9995
@@ -170,10 +184,8 @@ def test_a_browser_shows_the_screens_and_says_when(
 @pytest.mark.slow
 @chromium.needs_chromium
 def test_a_page_that_goes_away_pauses_and_comes_back(display: SocketDisplay, browser: Browser) -> None:
-    eyes = simulated_eyes(1, 40.0, paced=True)
-    run = CalibrationRun(QUICK, Room(display, eyes))
-    running = threading.Thread(target=lambda: follow(run, items_now(eyes), "eyes"), daemon=True)
-    running.start()
+    run = CalibrationRun(QUICK, Room(display))
+    running = stepping(run)
     ready = "!document.getElementById('start').disabled"
     wait_for(lambda: browser.evaluate(ready))
     browser.evaluate("document.getElementById('start').click()")
@@ -221,15 +233,19 @@ def test_a_page_below_a_prefix_waits_for_a_session_and_its_operator_starts_it(tm
     server = PrefixedServer()
     message = "document.getElementById('message')?.textContent"
     (tmp_path / "out").mkdir()
-    wish = CalibratePupils(str(tmp_path / "out" / "p.toml"), protocol="luidolt", white_s=2.0, black_s=2.0)
-    eyes = simulated_eyes(1, 10.0, paced=True, seconds=120.0)
+    wish = CalibratePupils(
+        str(tmp_path / "out" / "p.toml"), protocol=CalibrationProtocol.LUIDOLT, white_s=2.0, black_s=2.0
+    )
+    eyes = open_live_eyes(SourceConfig(seed=1), None)
+    assert isinstance(eyes, EndlessEyes)
     with contextlib.ExitStack() as stack:
         stack.callback(server.close)
         browser = Browser(tmp_path / "profile", server.url)
         stack.callback(browser.close)
         wait_for(lambda: "No session runs yet" in (browser.evaluate(message) or ""))
         assert not server.start()
-        calibration = PupilCalibration("tcp://127.0.0.1:*", "tcp://127.0.0.1:*", "eyes", eyes=eyes)
+        display = SocketDisplay("tcp://127.0.0.1:*", "tcp://127.0.0.1:*")
+        calibration = PupilCalibration(Room(display, eyes), "eyes")
         over = threading.Event()
 
         def bridge() -> None:
@@ -238,7 +254,7 @@ def test_a_page_below_a_prefix_waits_for_a_session_and_its_operator_starts_it(tm
                 if over.is_set():
                     break
 
-        server.place = calibration.addresses
+        server.place = display.commands_address, display.answers_address
         # It comes by itself: nobody has to reload it.
         wait_for(lambda: "begun from the console" in (browser.evaluate(message) or ""))
         start = "document.getElementById('start').disabled"
