@@ -97,7 +97,7 @@ class BridgeStatus(msgspec.Struct, frozen=True, kw_only=True, tag_field="of", ta
     calibrating: dict[str, Any] | None = None
     """A pupil calibration that runs: stage, screen, step, steps, seconds_done, seconds."""
     calibrated: dict[str, Any] | None = None
-    """The result of the last one (services/calibration/live.py)."""
+    """The result of the last one (services/calibration/pupil_calibration.py)."""
     pupil_map: str | None = None
     """The file in use."""
     readers: int = 0
