@@ -156,7 +156,7 @@ def _counts(pupil_diameter_mm: float, grain_deg: float) -> tuple[float, float]:
     """Events of a grain: per scotopic cd/m² of light, and of heat (0.25 or more for every grain allowed)."""
     rods = RODS_PER_DEG2 * grain_deg**2
     return (
-        rods * INTEGRATION_S * ISOMERISATIONS * math.pi / 4 * pupil_diameter_mm** 2,
+        rods * INTEGRATION_S * ISOMERISATIONS * math.pi / 4 * pupil_diameter_mm**2,
         rods * INTEGRATION_S * THERMAL_PER_S,
     )
 

@@ -6,6 +6,7 @@ aperture.py       the pupil plane: how all that shades it stands at one moment
   coverage.py     how much of a grid's cells a shape covers, exactly
 ocular_dynamics.py         what moves from frame to frame
   microfluctuations.py lens_springs.py vitreous_motion.py value_noise.py damped.py
+focus.py          the phase of a pupil out of focus
 diffraction.py    the pupil plane's monochromatic point-spread function
 light_spectra.py  what each wavelength contributes to the frame's channels
 spectrum.py       the monochromatic function at all wavelengths, over display pixels

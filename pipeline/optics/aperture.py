@@ -17,7 +17,7 @@ import numpy as np
 from jaxtyping import Array, Complex, Float
 
 from entoptic.pipeline.observer import Observer
-from entoptic.pipeline.optics import OpticsError, cornea, coverage, lens, lids, vitreous
+from entoptic.pipeline.optics import OpticsError, cornea, coverage, focus, lens, lids, vitreous
 
 PLANE_M = coverage.PLANE_M
 """Side of the pupil plane: the widest pupil."""
@@ -38,7 +38,7 @@ class Pose:
     pupil_diameter_mm: float
     """Diameter of the pupil; clamped to `PUPIL_RANGE_MM`."""
     defocus_d: float = 0.0
-    """Error of accommodation in dioptres; not in these planes, but added to them."""
+    """Error of accommodation in dioptres: a phase, and so another one at each wavelength."""
     openness: float = 1.0
     """Of the lids, 0 closed … 1 clear of any pupil."""
     lashes: bool = False
@@ -65,35 +65,40 @@ def legal_pupil_diameter_mm(pupil_diameter_mm: float) -> float:
     return min(max(low, pupil_diameter_mm), high)
 
 
-def pupil_plane(observer: Observer, pose: Pose, n: int = 2048) -> Complex[Array, "n n"]:
-    """Complex transmittance of everything in this observer's eye at this moment, in focus; complex64.
+def pupil_plane(
+    observer: Observer, pose: Pose, n: int = 2048, wavelength_nm: float | None = None
+) -> Complex[Array, "n n"]:
+    """Complex transmittance of everything in this observer's eye at this moment, complex64.
 
-    Parts that do not move are drawn once. The vitreous lies in the same plane as all else (RIT 5).
-    Raises OpticsError if the grid is too coarse for lens fibres or the particles block too much.
+    With the phase that the eye's defocus has at a wavelength; without one, as if it were in focus. Parts that do not
+    move are drawn once. The vitreous lies in the same plane as all else (RIT 5).
+    Raises OpticsError if the grid is too coarse for lens fibres or the phase, or the particles block too much.
     """
     shown = _pupil(observer, pose, n)
     if pose.parts_at_rest:
-        return _onto_device(_resting(_anatomy(observer), n), shown)
+        return _onto_device(_resting(_anatomy(observer), n), shown, pose, wavelength_nm)
     lens.shade(shown, PLANE_M / n, observer, pose.lens_m)
     vitreous.shade(shown, PLANE_M / n, observer, pose.vitreous_deg)
-    return _onto_device(_still(_anatomy(observer), n), shown)
+    return _onto_device(_still(_anatomy(observer), n), shown, pose, wavelength_nm)
 
 
 def planes(
-    observer: Observer, pose: Pose, n: int = 2048
+    observer: Observer, pose: Pose, n: int = 2048, wavelength_nm: float | None = None
 ) -> tuple[Complex[Array, "n n"], tuple[tuple[Complex[Array, "n n"], float]]]:
     """The plane of the pupil, and the later ones with their distances behind it in metres, for exact propagation.
 
     Later ones: one, the vitreous' particles, all at the depth of its centre. In coordinates of the pupil, complex64;
     their shadows are those that fall along the axis onto the pupil (RIT 5), in both models: in place, where the beam
-    has narrowed to 0.41, they would be as much narrower.
+    has narrowed to 0.41, they would be as much narrower. Defocus turns the phase at the pupil: what lies behind it
+    stands in a beam that converges elsewhere.
     Raises OpticsError as `pupil_plane` does.
     """
     shown = _pupil(observer, pose, n)
     lens.shade(shown, PLANE_M / n, observer, pose.lens_m)
     later = np.ones((n, n), np.float32)
     vitreous.shade(later, PLANE_M / n, observer, pose.vitreous_deg)
-    return _onto_device(_still(_anatomy(observer), n), shown), ((jnp.asarray(later, jnp.complex64), vitreous.DEPTH_M),)
+    first = _onto_device(_still(_anatomy(observer), n), shown, pose, wavelength_nm)
+    return first, ((jnp.asarray(later, jnp.complex64), vitreous.DEPTH_M),)
 
 
 def blocked_share(observer: Observer) -> float:
@@ -150,8 +155,10 @@ def _resting(observer: Observer, n: int) -> Complex[np.ndarray, "n n"]:
     return still * clear
 
 
-def _onto_device(still: Complex[np.ndarray, "n n"], shown: Float[np.ndarray, "m m"]) -> Complex[Array, "n n"]:
-    """The product, 0 where nothing is shown.
+def _onto_device(
+    still: Complex[np.ndarray, "n n"], shown: Float[np.ndarray, "m m"], pose: Pose, wavelength_nm: float | None
+) -> Complex[Array, "n n"]:
+    """The product, 0 where nothing is shown; only there does its phase matter.
 
     Made at an address that XLA takes over as it is: on the processor this is four times faster than a copy.
     """
@@ -160,5 +167,8 @@ def _onto_device(still: Complex[np.ndarray, "n n"], shown: Float[np.ndarray, "m 
     skipped = -memory.ctypes.data % XLA_ALIGNMENT // 8
     plane = memory[skipped : skipped + n * n].reshape(n, n)
     part = slice(n // 2 - m // 2, n // 2 + m // 2 + 1)
-    np.multiply(still[part, part], shown, out=plane[part, part])
+    box = plane[part, part]
+    np.multiply(still[part, part], shown, out=box)
+    if pose.defocus_d and wavelength_nm is not None:
+        focus.turn(box, n, pose.defocus_d, pose.diameter_m, wavelength_nm)
     return jax.device_put(plane)

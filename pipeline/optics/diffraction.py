@@ -46,35 +46,6 @@ def point_spread(plane: Complex[Array, "n n"]) -> Float[Array, "n n"]:
     return jnp.fft.fftshift(intensity) / jnp.where(total > 0, total, 1)
 
 
-def defocus(
-    n: int, defocus_d: float, diameter_m: float, wavelength_nm: float = WAVELENGTH_NM
-) -> Complex[np.ndarray, "n n"]:
-    """The phase of a pupil out of focus by `defocus_d` dioptres: exp(iπ·ΔD·r²/λ), complex64.
-
-    Raises OpticsError where the phase turns by half a cycle or more between samples at the pupil's edge.
-    """
-    dx, wavelength_m = PLANE_M / n, wavelength_nm * 1e-9
-    limit = wavelength_m / (2 * dx * diameter_m / 2)
-    if abs(defocus_d) >= limit:
-        raise OpticsError(
-            f"a {n}×{n} pupil plane samples less than {limit:.2f} D of defocus at a {diameter_m * 1e3:.2f} mm pupil, "
-            f"not {defocus_d:.2f} D: use {_finer(n, abs(defocus_d) / limit)} samples a side or a narrower pupil"
-        )
-    return _quadratic(n, defocus_d / wavelength_m)
-
-
-def _finer(n: int, factor: float) -> int:
-    """The least even number of samples with more than `factor` times as many."""
-    return 2 * (math.floor(n * factor / 2) + 1)
-
-
-def _quadratic(n: int, cycles_m2: float) -> np.ndarray:
-    """exp(iπ·c·r²): the product of a row and a column. In float64 before rounding, as the phase is many turns."""
-    x = (np.arange(n) - n // 2) * (PLANE_M / n)
-    line = np.exp(1j * np.pi * cycles_m2 * x**2)
-    return (line[:, None] * line[None, :]).astype(np.complex64)
-
-
 def collimated_m(distance_m: float) -> float:
     """How far a collimated wave travels for the diffraction of one that converges on the retina, from the pupil.
 

@@ -77,10 +77,7 @@ class Subject:
 
 def field(observer: Observer, pose: Pose) -> Complex[Array, "n n"]:
     """The light behind this eye's pupil at 575 nm."""
-    plane = pupil_plane(observer, pose, GRID)
-    if not pose.defocus_d:
-        return plane
-    return plane * diffraction.defocus(GRID, pose.defocus_d, pose.diameter_m, diffraction.WAVELENGTH_NM)
+    return pupil_plane(observer, pose, GRID, diffraction.WAVELENGTH_NM)
 
 
 @functools.lru_cache(maxsize=2)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import functools
 
 import jax.numpy as jnp
@@ -43,15 +42,10 @@ def mixture(model: GlareModel, observer: Observer, pose: Pose, adapted_cd_m2: fl
     """The kernel of an observer's eye as it stands, in a view of so many pixels per degree in its middle."""
     match model:
         case GlareModel.WAVE if pose.lens_m is not None:
+            # A deformed lens is never the same again.
             return ((wave_component(observer, pose, pixels_per_deg), 1.0),)
         case GlareModel.WAVE if not rests(observer, pose):
-            return tuple(
-                (
-                    _posed(observer, dataclasses.replace(pose, pupil_diameter_mm=pupil_diameter_mm), pixels_per_deg),
-                    weight,
-                )
-                for pupil_diameter_mm, weight in pupil_steps(pose.pupil_diameter_mm)
-            )
+            return ((_posed(observer, pose, pixels_per_deg), 1.0),)
         case GlareModel.WAVE:
             return tuple(
                 (_resting(observer, pupil_diameter_mm, pixels_per_deg), weight)
@@ -142,12 +136,11 @@ def _field(
 ) -> Complex[Array, "n n"]:
     """The light behind the pupil, before it goes on to the retina."""
     number = jnp.complex128 if double else jnp.complex64
-    first, later = planes(observer, pose, grid) if multi_plane else (pupil_plane(observer, pose, grid), ())
-    field = first.astype(number)
-    if pose.defocus_d:
-        # At the pupil: what lies behind it stands in a beam that converges elsewhere.
-        field = field * diffraction.defocus(grid, pose.defocus_d, pose.diameter_m, wavelength_nm).astype(number)
-    return diffraction.through_planes(field, [(mask.astype(number), at_m) for mask, at_m in later], wavelength_nm)
+    if not multi_plane:
+        return pupil_plane(observer, pose, grid, wavelength_nm).astype(number)
+    first, later = planes(observer, pose, grid, wavelength_nm)
+    masks = [(mask.astype(number), at_m) for mask, at_m in later]
+    return diffraction.through_planes(first.astype(number), masks, wavelength_nm)
 
 
 def cie_veil(observer: Observer) -> Veil:
@@ -160,9 +153,10 @@ def rests(observer: Observer, pose: Pose) -> bool:
     return pose.parts_at_rest and pose.openness >= 1 and not pose.lashes and pose.defocus_d == observer.defocus_d
 
 
-@functools.lru_cache(maxsize=4)
+@functools.lru_cache(maxsize=2)
 def _posed(observer: Observer, pose: Pose, pixels_per_deg: float) -> Component:
-    """The kernel of an eye that holds still, but not at rest: squinting."""
+    """The kernel of an eye that holds still, but not at rest: squinting. It has the pupil's own diameter: in an eye in
+    motion those at other diameters would never serve again."""
     return wave_component(observer, pose, pixels_per_deg)
 
 

@@ -15,7 +15,7 @@ from scipy.optimize import brentq
 from scipy.special import j1, jv
 
 from entoptic.pipeline.observer import Observer
-from entoptic.pipeline.optics import OpticsError, aperture, diffraction
+from entoptic.pipeline.optics import OpticsError, aperture, diffraction, focus
 from entoptic.pipeline.optics.aperture import PLANE_M, Pose
 
 N = 512
@@ -187,7 +187,7 @@ def test_a_tilt_shifts_the_function_and_moving_the_aperture_does_not(bins: tuple
 def test_light_on_the_axis_out_of_focus(defocus_d: float, nm: float) -> None:
     """sinc² of half the phase at the pupil's edge."""
     pupil = disc(4.0)
-    ratio = psf_of(pupil * diffraction.defocus(N, defocus_d, 4e-3, nm))[N // 2, N // 2] / psf_of(pupil)[N // 2, N // 2]
+    ratio = psf_of(turned(pupil, defocus_d, 4e-3, nm))[N // 2, N // 2] / psf_of(pupil)[N // 2, N // 2]
     cycles = defocus_d * 2e-3**2 / (nm * 1e-9) / 2
     assert ratio == pytest.approx(np.sinc(cycles) ** 2, abs=0.001)
 
@@ -199,7 +199,7 @@ def test_far_out_of_focus_the_eye_has_the_blur_disc_of_geometric_optics(defocus_
     Of a wide pupil: diffraction softens the disc's edge by a share that falls with the square root of the cycles of
     defocus at the pupil's edge, here 64 or 85.
     """
-    psf = psf_of(disc(7.0) * diffraction.defocus(N, defocus_d, 7e-3, 575.0))
+    psf = psf_of(turned(disc(7.0), defocus_d, 7e-3, 575.0))
     away_rad = np.hypot(samples(N)[:, None], samples(N)[None, :]) * math.radians(diffraction.bin_deg(575.0))
     order = np.argsort(away_rad, axis=None)
     within = np.cumsum(psf.ravel()[order])
@@ -211,10 +211,26 @@ def test_far_out_of_focus_the_eye_has_the_blur_disc_of_geometric_optics(defocus_
 @pytest.mark.parametrize("n", [256, 512, 1024])
 def test_defocus_that_a_grid_does_not_sample_is_refused_up_to_the_limit(n: int) -> None:
     limit = 575e-9 / (2 * PLANE_M / n * 3.5e-3)
-    diffraction.defocus(n, 0.999 * limit, 7e-3)
+    part = np.ones((3, 3), np.complex64)
+    focus.turn(part, n, 0.999 * limit, 7e-3, 575.0)
     with pytest.raises(OpticsError, match=r"samples less than .* D of defocus at a 7\.00 mm pupil") as refused:
-        diffraction.defocus(n, -1.2 * limit, 7e-3)
-    diffraction.defocus(_named(refused), -1.2 * limit, 7e-3)
+        focus.turn(part, n, -1.2 * limit, 7e-3, 575.0)
+    focus.turn(part, _named(refused), -1.2 * limit, 7e-3, 575.0)
+
+
+@pytest.mark.parametrize(("n", "side"), [(256, 256), (256, 101), (2048, 1139)])
+def test_the_phase_of_defocus_is_that_of_the_distance_from_the_middle(n: int, side: int) -> None:
+    part = np.ones((side, side), np.complex128)
+    focus.turn(part, n, 0.3, 4e-3, 500.0)
+    x = (np.arange(side) - side // 2) * PLANE_M / n
+    cycles = 0.3 * (x[:, None] ** 2 + x[None, :] ** 2) / 2 / 500e-9
+    np.testing.assert_allclose(part, np.exp(2j * np.pi * cycles), rtol=0, atol=1e-12)
+
+
+def turned(plane: np.ndarray, defocus_d: float, diameter_m: float, nm: float) -> np.ndarray:
+    field = plane.astype(np.complex64)
+    focus.turn(field, N, defocus_d, diameter_m, nm)
+    return field
 
 
 def _named(refused: pytest.ExceptionInfo[OpticsError]) -> int:

@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from entoptic.pipeline.observer import Observer
-from entoptic.pipeline.optics import aperture, diffraction, light_spectra, spectrum
+from entoptic.pipeline.optics import aperture, diffraction, focus, light_spectra, spectrum
 from entoptic.pipeline.optics.aperture import PLANE_M, Pose
 
 LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
@@ -86,7 +86,9 @@ def test_out_of_focus_the_reference_differs_as_the_blur_does_not_scale() -> None
     disc, nm = np.asarray(pupil_disc(4e-3, N)), np.array([450.0, 700.0])
 
     def plane(at: float) -> np.ndarray:
-        return np.asarray(disc * diffraction.defocus(N, 3.0, 4e-3, at))
+        field = disc.astype(np.complex64)
+        focus.turn(field, N, 3.0, 4e-3, at)
+        return field
 
     one = np.asarray(diffraction.point_spread(jnp.asarray(plane(575.0), jnp.complex128)))
     fresh, scaled = (
