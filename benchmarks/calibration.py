@@ -11,7 +11,7 @@ from entoptic.tracker_bridge.calibration import Protocol, Screen, Statistic, Ste
 from entoptic.tracker_bridge.calibration_quality import Analysis
 from entoptic.tracker_bridge.samples import Eye
 from entoptic.tracker_bridge.sources.simulated.eyes import SimulatedSettings
-from entoptic.tracker_bridge.sources.simulated.live import SimulatedLiveEyes
+from entoptic.tracker_bridge.sources.simulated.live import LiveEyes
 from entoptic.tracker_bridge.sources.simulated.pupil import watson_yellott_mm
 
 SEEDS = range(1, 13)
@@ -29,7 +29,7 @@ def calibrate(protocol: Protocol, seed: int, hippus: float) -> Analysis:
     settings = SimulatedSettings(
         seconds=protocol.seconds + 5.0, seed=seed, hippus=hippus, luminance=((0.0, GREY_SHARE * WHITE_CD_M2),)
     )
-    eyes = SimulatedLiveEyes(settings, paced=False)
+    eyes = LiveEyes(settings)
     run = CalibrationRun(protocol, Room(NoDisplay(), eyes, WHITE_CD_M2, BLACK_CD_M2))
     for item in eyes.samples():
         run.step(item, item.t_ns)

@@ -64,15 +64,15 @@ def open_live_eyes(
     """
     from entoptic.tracker_bridge.sources import SIMULATED, USB_SIMULATED
     from entoptic.tracker_bridge.sources.played import Played
-    from entoptic.tracker_bridge.sources.simulated.endless import EndlessEyes
     from entoptic.tracker_bridge.sources.simulated.eyes import SimulatedSettings
+    from entoptic.tracker_bridge.sources.simulated.live import LiveEyes
 
     if eyes.source == SIMULATED and eyes.table_map is None:
         from entoptic.services import simulated_light
 
         light = ((0.0, ROOM_CD_M2),) if luminance is None else simulated_light.read(luminance)
         settings = SimulatedSettings(seed=eyes.seed, luminance=light)
-        return EndlessEyes(settings, time.monotonic_ns() if begun_ns is None else begun_ns)
+        return LiveEyes(settings, time.monotonic_ns() if begun_ns is None else begun_ns)
     seconds = LONG_SECONDS if eyes.source == USB_SIMULATED + SIMULATED else None
     source = open_eyes(eyes, seconds, luminance, record_raw=record_raw, begun_ns=begun_ns)
     return source if source.info.live else Played(source, time.monotonic_ns() if begun_ns is None else begun_ns)

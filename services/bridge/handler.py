@@ -30,7 +30,7 @@ from entoptic.tracker_bridge.events import Event, SourceBack, SourceSilent
 from entoptic.tracker_bridge.publisher import Publisher
 from entoptic.tracker_bridge.samples import EyeState
 from entoptic.tracker_bridge.source import Item, Source, SourceError, Tick
-from entoptic.tracker_bridge.sources.simulated.endless import EndlessEyes
+from entoptic.tracker_bridge.sources.simulated.live import LiveEyes
 
 RATE_S = 2.0
 """The rate of states is that of so long."""
@@ -53,7 +53,7 @@ class BridgeHandler:
         """`in_session`: it is a part of a live session, which alone records. `pupil_map`: what is in use."""
         self._source, self._chain, self._publisher, self._log = source, chain, publisher, log
         self._in_session = in_session
-        self._eyes = source if isinstance(source, EndlessEyes) else None
+        self._eyes = source if isinstance(source, LiveEyes) else None
         self._pupil_map = pupil_map
         self.calibration: PupilCalibration | None = None
         self.light: SceneLight | None = None

@@ -30,7 +30,7 @@ from entoptic.tracker_bridge.samples import NS_PER_S, EyeState, GazeSample, Pupi
 from entoptic.tracker_bridge.source import Item, Source, SourceError, SourceInfo
 from entoptic.tracker_bridge.sources.played import Played
 from entoptic.tracker_bridge.sources.pupil_core.recorder import PupilRecorder
-from entoptic.tracker_bridge.sources.simulated.endless import EndlessEyes
+from entoptic.tracker_bridge.sources.simulated.live import LiveEyes
 
 LIGHT_WITHIN_MS = 500
 """So long a bridge that is started again waits for the worker's next frame."""
@@ -112,7 +112,7 @@ def _open(config: BridgeConfig) -> Source:
     if not config.live:
         return open_eyes(config.eyes, config.seconds, config.luminance, record_raw=config.record_raw)
     source = open_live_eyes(config.eyes, config.luminance, record_raw=config.record_raw, begun_ns=config.begun_ns)
-    if config.sees is not None and not isinstance(source, EndlessEyes):
+    if config.sees is not None and not isinstance(source, LiveEyes):
         raise SourceError(f"{source.info.name} has pupils that no light drives: leave --sees out")
     return source
 
@@ -122,9 +122,9 @@ def _open_session(
 ) -> dict[str, object]:
     """Opens what a live session has beside; what is to be logged of it."""
     places: dict[str, object] = {}
-    if isinstance(source, EndlessEyes | Played):
+    if isinstance(source, LiveEyes | Played):
         places["begun_ns"] = source.info.t_start_ns
-    eyes = source if isinstance(source, EndlessEyes) else None
+    eyes = source if isinstance(source, LiveEyes) else None
     if config.screens is not None and config.answers is not None:
         # The context's authenticator lets in whom the publisher knows.
         display = SocketDisplay(

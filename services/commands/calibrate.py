@@ -74,9 +74,8 @@ def calibrate(
     from entoptic.tracker_bridge.calibration import CalibrationError
     from entoptic.tracker_bridge.source import Source
     from entoptic.tracker_bridge.sources import SIMULATED
-    from entoptic.tracker_bridge.sources.simulated.endless import EndlessEyes
     from entoptic.tracker_bridge.sources.simulated.eyes import SimulatedSettings
-    from entoptic.tracker_bridge.sources.simulated.live import SimulatedLiveEyes
+    from entoptic.tracker_bridge.sources.simulated.live import LiveEyes
 
     # All input is looked at before anybody has to look at anything.
     protocol = protocol_of(config)
@@ -94,7 +93,7 @@ def calibrate(
         # Nobody pauses where nobody looks.
         seconds = repeats * (protocol.seconds + 1.0)
         settings = SimulatedSettings(seconds=seconds, seed=source.seed, luminance=((0.0, room_cd_m2),))
-        opened = SimulatedLiveEyes(settings, paced=False)
+        opened = LiveEyes(settings)
     else:
         opened = open_live_eyes(source, str(room_cd_m2) if simulated else None)
     for note in opened.info.notes:
@@ -122,7 +121,7 @@ def calibrate(
                     f"screens are asked for at [b]{screens.commands_address}[/b], answers are awaited at "
                     f'[b]{screens.answers_address}[/b]; the display starts with {{"request": "start"}}'
                 )
-        eyes = opened if isinstance(opened, EndlessEyes | SimulatedLiveEyes) else None
+        eyes = opened if isinstance(opened, LiveEyes) else None
         calibration = PupilCalibration(
             Room(screens, eyes, white_cd_m2, black_cd_m2),
             opened.info.name,

@@ -25,7 +25,7 @@ from entoptic.tracker_bridge.samples import NS_PER_S, Eye, EyeState, PupilSample
 from entoptic.tracker_bridge.source import Item, SourceInfo
 from entoptic.tracker_bridge.sources.played import Played
 from entoptic.tracker_bridge.sources.simulated.eyes import SimulatedEyes, SimulatedSettings
-from entoptic.tracker_bridge.sources.simulated.live import SimulatedLiveEyes
+from entoptic.tracker_bridge.sources.simulated.live import LiveEyes
 from entoptic.tracker_bridge.sources.simulated.pupil import watson_yellott_mm
 
 WHITE_CD_M2, BLACK_CD_M2 = 200.0, 0.05
@@ -36,10 +36,10 @@ TRUE_MM = {
 QUICK = Protocol("quick", (Step(Screen.WHITE, 0.4, 0.2), Step(Screen.BLACK, 0.4, 0.2)), Statistic.MEDIAN, False)
 
 
-def eyes_of(seed: int = 1, *, paced: bool = False, **changes: float) -> SimulatedLiveEyes:
+def eyes_of(seed: int = 1, *, paced: bool = False, **changes: float) -> LiveEyes:
     light = ((0.0, GREY_SHARE * WHITE_CD_M2),)
     settings = SimulatedSettings(seconds=50.0, seed=seed, luminance=light, rate_hz=60.0)
-    return SimulatedLiveEyes(msgspec.structs.replace(settings, **changes), paced=paced)
+    return LiveEyes(msgspec.structs.replace(settings, **changes), time.monotonic_ns() if paced else None)
 
 
 def follow(run: CalibrationRun, items: Iterator[Item], *, live: bool = False) -> Recorded:
@@ -51,7 +51,7 @@ def follow(run: CalibrationRun, items: Iterator[Item], *, live: bool = False) ->
 
 
 def attempt(
-    eyes: SimulatedLiveEyes,
+    eyes: LiveEyes,
     protocol: Protocol | None = None,
     display: NoDisplay | None = None,
     lights: tuple[float, float] = (WHITE_CD_M2, BLACK_CD_M2),
@@ -109,7 +109,7 @@ def test_a_very_restless_pupil_is_drifting() -> None:
 
 
 def test_eyes_that_blink_all_the_time_give_too_few_samples() -> None:
-    class Lids(SimulatedLiveEyes):
+    class Lids(LiveEyes):
         """Every second half of a second shut."""
 
         def samples(self) -> Iterator[Item]:
@@ -117,12 +117,12 @@ def test_eyes_that_blink_all_the_time_give_too_few_samples() -> None:
                 shut = isinstance(item, PupilSample) and item.t_ns % NS_PER_S < NS_PER_S // 2
                 yield msgspec.structs.replace(item, confidence=0.0, pupil_diameter_mm=-0.07) if shut else item
 
-    eyes = Lids(eyes_of().settings, paced=False)
+    eyes = Lids(eyes_of().settings)
     assert failures(attempt(eyes)) == {Failure.TOO_FEW_SAMPLES}
 
 
 def test_one_eye_that_does_not_see_the_screens_disagrees() -> None:
-    class HalfBlind(SimulatedLiveEyes):
+    class HalfBlind(LiveEyes):
         """The tracker takes the left pupil for half as wide as it grows."""
 
         def samples(self) -> Iterator[Item]:
@@ -132,7 +132,7 @@ def test_one_eye_that_does_not_see_the_screens_disagrees() -> None:
                 else:
                     yield item
 
-    assert failures(attempt(HalfBlind(eyes_of().settings, paced=False))) == {Failure.EYES_DISAGREE}
+    assert failures(attempt(HalfBlind(eyes_of().settings))) == {Failure.EYES_DISAGREE}
 
 
 class Scripted(NoDisplay):
@@ -220,7 +220,7 @@ def test_the_result_is_a_file_and_a_plot(tmp_path: Path, valid: Attempt) -> None
     assert result_of(one, map_mm=True).use is Use.MAP
 
 
-class InPixels(SimulatedLiveEyes):
+class InPixels(LiveEyes):
     """A tracker without millimetres."""
 
     def samples(self) -> Iterator[Item]:
@@ -229,7 +229,7 @@ class InPixels(SimulatedLiveEyes):
 
 
 def test_pixels_become_two_to_eight_millimetres_in_the_bridge() -> None:
-    one = attempt(InPixels(eyes_of().settings, paced=False))
+    one = attempt(InPixels(eyes_of().settings))
     assert one.problems == ()
     found = result_of(one)
     assert (found.unit, found.use) == ("px", Use.MAP)
@@ -239,7 +239,7 @@ def test_pixels_become_two_to_eight_millimetres_in_the_bridge() -> None:
         chain = Chain(pupil_map=found)
         shown = [
             state.left.pupil_diameter_mm
-            for item in InPixels(steady, paced=False).samples()
+            for item in InPixels(steady).samples()
             for state in chain.step(item)
             if isinstance(state, EyeState)
         ]

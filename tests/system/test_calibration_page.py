@@ -35,7 +35,7 @@ from entoptic.services.eye_data import open_live_eyes
 from entoptic.services.ipc.requests import CalibratePupils
 from entoptic.tracker_bridge.calibration import Protocol, Screen, Stage, Statistic, Step
 from entoptic.tracker_bridge.publisher import PortInUseError
-from entoptic.tracker_bridge.sources.simulated.endless import EndlessEyes
+from entoptic.tracker_bridge.sources.simulated.live import LiveEyes
 
 QUICK = Protocol(
     "quick", (Step(Screen.WHITE, 1.5, 0.5), Step(Screen.BLACK, 1.5, 0.5)), Statistic.MEDIAN, must_settle=False
@@ -237,7 +237,7 @@ def test_a_page_below_a_prefix_waits_for_a_session_and_its_operator_starts_it(tm
         str(tmp_path / "out" / "p.toml"), protocol=CalibrationProtocol.LUIDOLT, white_s=2.0, black_s=2.0
     )
     eyes = open_live_eyes(SourceConfig(seed=1), None)
-    assert isinstance(eyes, EndlessEyes)
+    assert isinstance(eyes, LiveEyes)
     with contextlib.ExitStack() as stack:
         stack.callback(server.close)
         browser = Browser(tmp_path / "profile", server.url)

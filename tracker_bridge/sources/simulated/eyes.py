@@ -19,7 +19,7 @@ from entoptic.tracker_bridge.source import SourceError, SourceInfo
 from entoptic.tracker_bridge.sources.simulated.gaze import draw_movements, drift_deg, positions_deg
 from entoptic.tracker_bridge.sources.simulated.lid import draw_blinks, openness_at
 from entoptic.tracker_bridge.sources.simulated.pupil import STEP_S, light_reflex_mm, with_hippus_mm
-from entoptic.tracker_bridge.sources.simulated.tracker import PX_PER_MM, measure
+from entoptic.tracker_bridge.sources.simulated.tracker import measure, samples_of
 from entoptic.tracker_bridge.sources.simulated.truth import Truth, TruthEvent
 
 _GRID_S = 0.001
@@ -83,17 +83,8 @@ class SimulatedEyes:
 
     def samples(self) -> Iterator[PupilSample | GazeSample]:
         """All samples in the order of their time: at each both pupils, then the direction of each eye and of both."""
-        m = self._measured
-        px = np.maximum(m.pupil_diameter_mm, 0.0) * PX_PER_MM
-        pupils = np.stack([m.pupil_diameter_mm, m.confidence, m.model_confidence, px, m.openness], axis=-1)
-        gazes = np.stack([m.azimuth_deg, m.elevation_deg, m.confidence], axis=-1)
-        both = gazes.mean(axis=0)
-        for at, t_ns in enumerate(self.truth.t_ns.tolist()):
-            for eye in Eye:
-                yield PupilSample(t_ns, eye, *pupils[eye, at].tolist())
-            for eye in Eye:
-                yield GazeSample(t_ns, eye, *gazes[eye, at].tolist())
-            yield GazeSample(t_ns, None, *both[at].tolist())
+        for group in samples_of(self._measured, self.truth.t_ns.tolist()):
+            yield from group
 
     def write_truth_csv(self, path: Path) -> None:
         """Writes the labelled events as a table, one line each; see `Truth.write_csv`."""

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
+from entoptic.tracker_bridge.samples import Eye, GazeSample, PupilSample
 from entoptic.tracker_bridge.sources.simulated.lid import visible_area, visible_height
 from entoptic.tracker_bridge.sources.simulated.truth import Truth
 
@@ -71,3 +73,18 @@ def measure(rng: np.random.Generator, truth: Truth, gaze_noise_deg: float, diame
         azimuth_deg=truth.azimuth_deg + noise[0],
         elevation_deg=truth.elevation_deg - pulled_down + noise[1],
     )
+
+
+def samples_of(measured: Measured, times_ns: Sequence[int]) -> Iterator[list[PupilSample | GazeSample]]:
+    """The samples of each time: both pupils, then the direction of each eye and of both."""
+    m = measured
+    px = np.maximum(m.pupil_diameter_mm, 0.0) * PX_PER_MM
+    pupils = np.stack([m.pupil_diameter_mm, m.confidence, m.model_confidence, px, m.openness], axis=-1)
+    gazes = np.stack([m.azimuth_deg, m.elevation_deg, m.confidence], axis=-1)
+    both = gazes.mean(axis=0)
+    for at, t_ns in enumerate(times_ns):
+        yield [
+            *(PupilSample(t_ns, eye, *pupils[eye, at].tolist()) for eye in Eye),
+            *(GazeSample(t_ns, eye, *gazes[eye, at].tolist()) for eye in Eye),
+            GazeSample(t_ns, None, *both[at].tolist()),
+        ]

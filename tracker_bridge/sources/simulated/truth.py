@@ -49,6 +49,17 @@ class Truth:
     openness: Floats
     """Shape (n,), 0 … 1: both lids move together."""
 
+    def part(self, times: slice, pupil_diameter_mm: Floats) -> Truth:
+        """Some of its times, with other pupils."""
+        return dataclasses.replace(
+            self,
+            t_ns=self.t_ns[times],
+            azimuth_deg=self.azimuth_deg[:, times],
+            elevation_deg=self.elevation_deg[:, times],
+            pupil_diameter_mm=pupil_diameter_mm,
+            openness=self.openness[times],
+        )
+
     def write_csv(self, path: Path) -> None:
         """Writes the events as a table, one line each, with the fields of `TruthEvent` as columns.
 

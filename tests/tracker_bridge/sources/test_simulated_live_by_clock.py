@@ -1,4 +1,4 @@
-"""Simulated eyes that never end."""
+"""Simulated eyes that live by the clock, without an end."""
 
 import itertools
 from collections.abc import Iterator
@@ -10,9 +10,9 @@ import pytest
 from entoptic.tracker_bridge.samples import NS_PER_S, Eye, GazeSample, PupilSample
 from entoptic.tracker_bridge.source import Item, SourceError, Tick
 from entoptic.tracker_bridge.sources import played
-from entoptic.tracker_bridge.sources.simulated import endless
-from entoptic.tracker_bridge.sources.simulated.endless import STRETCH_S, EndlessEyes
+from entoptic.tracker_bridge.sources.simulated import live
 from entoptic.tracker_bridge.sources.simulated.eyes import SimulatedEyes, SimulatedSettings
+from entoptic.tracker_bridge.sources.simulated.live import STRETCH_S, LiveEyes
 
 MS = 1_000_000
 DIM = SimulatedSettings(seed=3, luminance=((0.0, 1.0),), hippus=0.0, diameter_noise_mm=0.0, noise_deg=0.0)
@@ -34,7 +34,7 @@ class Clock:
 @pytest.fixture(autouse=True)
 def time(monkeypatch: pytest.MonkeyPatch) -> Clock:
     clock = Clock()
-    for module in (endless, played):
+    for module in (live, played):
         monkeypatch.setattr(module, "time", clock)
     return clock
 
@@ -66,7 +66,7 @@ def assert_as_drawn(seen: dict[int, tuple[float, float]], begun_ns: int, drawn: 
 
 def test_they_are_the_recorded_ones_and_have_no_end(drawn: SimulatedEyes, time: Clock) -> None:
     begun_ns = time.monotonic_ns()
-    eyes = EndlessEyes(DIM, begun_ns)
+    eyes = LiveEyes(DIM, begun_ns)
     items = until(eyes.samples(), time.monotonic_ns() + 400 * MS)
     assert (eyes.info.t_start_ns, eyes.info.t_end_ns, eyes.info.live) == (begun_ns, None, True)
     assert_as_drawn(gazes(items), begun_ns, drawn)
@@ -76,7 +76,7 @@ def test_they_are_the_recorded_ones_and_have_no_end(drawn: SimulatedEyes, time: 
 
 def test_started_again_they_look_where_they_would_have_looked(drawn: SimulatedEyes, time: Clock) -> None:
     begun_ns = time.monotonic_ns() - 7 * NS_PER_S
-    items = until(EndlessEyes(DIM, begun_ns).samples(), time.monotonic_ns() + 300 * MS)
+    items = until(LiveEyes(DIM, begun_ns).samples(), time.monotonic_ns() + 300 * MS)
     seen = gazes(items)
     assert min(seen) >= begun_ns + 7 * NS_PER_S
     assert_as_drawn(seen, begun_ns, drawn)
@@ -84,7 +84,7 @@ def test_started_again_they_look_where_they_would_have_looked(drawn: SimulatedEy
 
 def test_between_two_stretches_they_blink_and_the_pupil_goes_on(time: Clock) -> None:
     begun_ns = time.monotonic_ns() - STRETCH_S * NS_PER_S + 300 * MS
-    items = until(EndlessEyes(DIM, begun_ns).samples(), begun_ns + STRETCH_S * NS_PER_S + 400 * MS)
+    items = until(LiveEyes(DIM, begun_ns).samples(), begun_ns + STRETCH_S * NS_PER_S + 400 * MS)
     samples = pupils(items)
     shut = [sample.t_ns for sample in samples if sample.confidence == 0.0]
     border_ns = begun_ns + STRETCH_S * NS_PER_S
@@ -99,7 +99,7 @@ def test_between_two_stretches_they_blink_and_the_pupil_goes_on(time: Clock) -> 
 
 def test_the_pupil_answers_to_light_that_is_set(time: Clock) -> None:
     begun_ns = time.monotonic_ns() - 3 * STRETCH_S * NS_PER_S - 5 * NS_PER_S
-    eyes = EndlessEyes(DIM, begun_ns)
+    eyes = LiveEyes(DIM, begun_ns)
     samples = eyes.samples()
     dark_mm = pupils(until(samples, time.monotonic_ns() + 100 * MS))[-1].pupil_diameter_mm
     eyes.set_luminance(5000.0, time.monotonic_ns())
@@ -111,4 +111,4 @@ def test_the_pupil_answers_to_light_that_is_set(time: Clock) -> None:
 
 def test_light_known_beforehand_is_refused() -> None:
     with pytest.raises(SourceError, match="one luminance"):
-        EndlessEyes(SimulatedSettings(), 0)
+        LiveEyes(SimulatedSettings(), 0)
