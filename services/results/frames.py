@@ -36,17 +36,15 @@ PAIRS = 12
 class Results(contextlib.ExitStack):
     """Everything that frames leave in a folder.
 
-    A context. One film is whole only if it is left in peace; films in `parts`, and all else, can be read at every
-    moment. In a folder that another process began, this goes on where that one was: it reads that one's log and
-    rows first, 5 s for an hour of them.
+    A context. The film of a session that is not live is whole only if it is left in peace; the parts of a live one's,
+    and all else, can be read at every moment. In a folder that another process of a live session began, this goes on
+    where that one was: it reads that one's log and rows first, 5 s for an hour of them.
     """
 
-    def __init__(
-        self, folder: Path, begun: Begun, save: frozenset[Save], *, parts: bool, frames: int | None = None
-    ) -> None:
+    def __init__(self, folder: Path, begun: Begun, save: frozenset[Save], *, frames: int | None = None) -> None:
         """`frames` is how many are to come, if that is known. Raises OSError, RenderLogError for what lies there."""
         super().__init__()
-        self._folder, self._begun, self._save, self._parts = folder, begun, save, parts
+        self._folder, self._begun, self._save = folder, begun, save
         self._every = max(round(KEY_EVERY_S * begun.view.fps) if frames is None else frames // KEY_FRAMES, 1)
         self._pair_due = self._every // 2
         self._pairs: list[dict[str, object]] = []
@@ -65,7 +63,7 @@ class Results(contextlib.ExitStack):
 
     def _open(self, files: contextlib.ExitStack) -> None:
         record, plan = self._folder / render_log.FILE, self._folder / PLAN
-        before = RenderLog(record) if self._parts and record.exists() and record.stat().st_size else None
+        before = RenderLog(record) if self._begun.live and record.exists() and record.stat().st_size else None
         last = None if before is None else before.last()
         # The last word of a worker before this one is none any more.
         (self._folder / WORKER).unlink(missing_ok=True)
@@ -148,7 +146,7 @@ class Results(contextlib.ExitStack):
     def _film(self, image: np.ndarray, index: int) -> None:
         height, width = image.shape[:2]
         path, fps = self._folder, self._begun.view.fps
-        if not self._parts:
+        if not self._begun.live:
             if self._video is None:
                 self._video = self.enter_context(film(path / "perceived.mp4", (width, height), fps, self._display))
             self._video.write(image, index)

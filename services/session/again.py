@@ -82,7 +82,7 @@ def render(
     rendering = Rendering(scene, view_of(begun.view), begun.eyes, here, begun.costs, begun.state)
     first_different = None
     frames = None if begun.live else work.frames
-    with Results(out, begun, save, parts=begun.live, frames=frames) as results:
+    with Results(out, begun, save, frames=frames) as results:
         for record in render_log:
             if stop():
                 break

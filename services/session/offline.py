@@ -100,9 +100,7 @@ def _render(opened: OpenedSession, folder: Path, stop: Stop, work: Work) -> Outc
         work.frames = frames_known(view.seconds, eyes.end_ns, eyes.start_ns, view.fps)
         work.stage, work.keeps = "rendering", not stop()
         state = None
-        with Results(
-            folder, begin(view, rendering, live=False), frozenset(view.save), parts=False, frames=work.frames
-        ) as results:
+        with Results(folder, begin(view, rendering, live=False), frozenset(view.save), frames=work.frames) as results:
             while not stop() and (work.frames is None or work.frame < work.frames):
                 before_s, t_s = t_s, work.frame / view.fps
                 t_ns = eyes.start_ns + round(t_s * NS_PER_S)

@@ -40,7 +40,7 @@ class WorkerRecording:
         """Raises OSError or an EntopticError where nothing can be kept there."""
         # What a worker before this one heard went with it: then nothing is known of all of the recording.
         self._goes_on = (Path(folder) / RENDER_LOG).exists()
-        self._results = Results(Path(folder), begun, save, parts=True)
+        self._results = Results(Path(folder), begun, save)
         self.folder, self.start_ns, self.problem, self._heard_before = folder, start_ns, None, heard
         self._log.info("recording begins", folder=folder)
 

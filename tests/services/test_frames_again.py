@@ -93,12 +93,10 @@ def take(tmp_path_factory: pytest.TempPathFactory) -> Path:
     with contextlib.ExitStack() as nothing:
         (root / "before").mkdir()
         session.frames(
-            nothing.enter_context(
-                Results(root / "before", begin(VIEW, session.rendering, live=True), SAVE, parts=True)
-            ),
+            nothing.enter_context(Results(root / "before", begin(VIEW, session.rendering, live=True), SAVE)),
             [0, 1],
         )
-    results = Results(folder, begin(VIEW, session.rendering, live=True, zero_s=2 / FPS), SAVE, parts=True)
+    results = Results(folder, begin(VIEW, session.rendering, live=True, zero_s=2 / FPS), SAVE)
     session.frames(results, [2, 3, 6])
     changed = settings(budget_ms=3.0)
     session.rendering.perception = changed
@@ -115,7 +113,7 @@ def take(tmp_path_factory: pytest.TempPathFactory) -> Path:
     assert remembered is not None
     anew = Session(remembered.perception)
     anew.rendering.costs, anew.rendering.memory, anew.t_s = remembered.costs, remembered.state, remembered.t_s
-    with Results(folder, begin(VIEW, anew.rendering, live=True, zero_s=2 / FPS), SAVE, parts=True) as results:
+    with Results(folder, begin(VIEW, anew.rendering, live=True, zero_s=2 / FPS), SAVE) as results:
         anew.frames(results, [40, 41, 42])
     takes.write_summary(results.summary(HEARD, None), folder)
     return folder
@@ -212,7 +210,7 @@ def test_a_frame_whose_row_was_lost_counts(take: Path, tmp_path: Path) -> None:
 def test_an_old_last_word_is_not_believed(take: Path, tmp_path: Path) -> None:
     shutil.copytree(take, tmp_path / "take")
     session = Session(settings())
-    with Results(tmp_path / "take", begin(VIEW, session.rendering, live=True), SAVE, parts=True):
+    with Results(tmp_path / "take", begin(VIEW, session.rendering, live=True), SAVE):
         assert not (tmp_path / "take" / "worker.json").exists()
 
 
