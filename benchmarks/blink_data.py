@@ -20,7 +20,7 @@ from scipy.ndimage import median_filter
 from scipy.signal import find_peaks, peak_widths
 
 from entoptic.services.event_scores import Span
-from entoptic.tracker_bridge.samples import Eye, PupilSample
+from entoptic.tracker_bridge.samples import Eye, GazeSample, PupilSample
 from entoptic.tracker_bridge.sources import open_source
 
 _BLINK = 5
@@ -76,7 +76,8 @@ def tobii(data: Path, instruction: str, *, with_openness: bool) -> list[Labelled
 def tobii_dips(data: Path) -> list[LabelledEye]:
     """The same person told to blink partially; labels: each dip of both eyes' mean openness by 0.15 and more."""
     both = _both(data / "eye/tobii_fusion/P1 - partial blinks.tsv")
-    openness = median_filter(np.mean([[sample.openness for sample in samples] for samples in both], axis=0), 5)
+    each = np.array([[sample.openness for sample in samples] for samples in both], dtype=np.float64)
+    openness = median_filter(each.mean(axis=0), 5)
     peaks, _ = find_peaks(-openness, prominence=0.15, distance=24, width=3)
     _, _, starts, ends = peak_widths(-openness, peaks, rel_height=0.5)
     t_ns = [sample.t_ns for sample in both[0]]
@@ -96,7 +97,8 @@ def player(data: Path) -> list[LabelledEye]:
     folder = data / "eye/pupil_core"
     table = np.genfromtxt(folder / "tutorial10_blinks.csv", delimiter=",", skip_header=1, usecols=(1, 3))
     blinks = [Span(round(start_s * 1e9), round(end_s * 1e9), "blink") for start_s, end_s in table.tolist()]
-    gazes = list(open_source(str(folder / "tutorial10_gaze_positions.csv")).samples())
+    items = open_source(str(folder / "tutorial10_gaze_positions.csv")).samples()
+    gazes = [item for item in items if isinstance(item, GazeSample)]
     eyes = []
     for eye in Eye:
         own = [gaze for gaze in gazes if gaze.eye is eye]

@@ -35,7 +35,9 @@ def _spans(labels: NDArray[np.integer], step_ns: int) -> list[Span]:
     return [Span(int(first) * step_ns, (int(end) - 1) * step_ns) for first, end in edges]
 
 
-def _gaze(azimuth_deg: NDArray, elevation_deg: NDArray, seen: NDArray, step_ns: int) -> list[GazeSample]:
+def _gaze(
+    azimuth_deg: NDArray[np.float64], elevation_deg: NDArray[np.float64], seen: NDArray[np.bool], step_ns: int
+) -> list[GazeSample]:
     seen = seen & np.isfinite(azimuth_deg) & np.isfinite(elevation_deg)
     columns = np.where(seen, azimuth_deg, 0.0), np.where(seen, elevation_deg, 0.0), seen.astype(float)
     return [

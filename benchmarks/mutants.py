@@ -110,10 +110,11 @@ def mutants(source: str, path: str) -> Iterator[tuple[int, str, CodeType]]:
             clean = ast.parse(source)
             # The same node of a tree that no fault has touched: walks are in the same order.
             twin = dict(zip(ast.walk(tree), ast.walk(clean), strict=True))[node]
-            changed = ast.fix_missing_locations(_Replace(twin, copy.deepcopy(new)).visit(clean))
+            _Replace(twin, copy.deepcopy(new)).visit(clean)
+            changed = compile(ast.fix_missing_locations(clean), path, "exec")
             before = ast.unparse(node).split("\n")[0]
             after = ast.unparse(ast.fix_missing_locations(ast.copy_location(copy.deepcopy(new), node))).split("\n")[0]
-            yield getattr(node, "lineno", 0), f"{before}  →  {after}", compile(changed, path, "exec")
+            yield getattr(node, "lineno", 0), f"{before}  →  {after}", changed
 
 
 def _functions(holder: Mapping[str, object]) -> Iterator[FunctionType]:

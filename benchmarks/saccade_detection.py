@@ -28,7 +28,9 @@ ANY_EYE = (Eye.RIGHT, Eye.LEFT, None)
 
 
 @functools.lru_cache(maxsize=5)
-def simulated(seed: int, rate_hz: float, noise_deg: float, blinks: float) -> tuple[list, list[TruthEvent]]:
+def simulated(
+    seed: int, rate_hz: float, noise_deg: float, blinks: float
+) -> tuple[list[PupilSample | GazeSample], list[TruthEvent]]:
     settings = SimulatedSettings(
         seconds=60.0, rate_hz=rate_hz, seed=seed, noise_deg=noise_deg, blinks_per_minute=blinks
     )

@@ -103,7 +103,7 @@ def session(view: ViewConfig, folder: Path) -> Iterator[tuple[zmq.Socket[bytes],
         frames.setsockopt(zmq.LINGER, 0)
         frames.connect(addresses.frames)
         frames.setsockopt(zmq.SUBSCRIBE, SHOWN)
-        if not frames.poll(READY_WITHIN_S * 1000):
+        if not frames.poll(round(READY_WITHIN_S * 1000)):
             raise SystemExit("the worker shows no frames")
         yield frames, port
 
@@ -155,8 +155,7 @@ def watch(port: int, count: int, stuck: bool) -> None:
         ready, _, _ = select.select([sys.stdin, *([] if stuck else sockets)], [], [])
         if sys.stdin in ready:
             break
-        for one in ready:
-            read += len(one.recv(1 << 20))
+        read += sum(len(one.recv(1 << 20)) for one in sockets if one in ready)
         time.sleep(0.02)
     print(read)
 
