@@ -87,5 +87,5 @@ def _build(prefix: str, record: type[msgspec.Struct], given: dict[str, Any]) -> 
     try:
         return msgspec.convert(nested(values), record)
     except msgspec.ValidationError as error:
-        said, _, path = str(error).partition(" - at `")
-        raise typer.BadParameter(said, param_hint=names.get(path.rstrip("`").partition("[")[0])) from None
+        message, _, path = str(error).partition(" - at `")
+        raise typer.BadParameter(message, param_hint=names.get(path.rstrip("`").partition("[")[0])) from None

@@ -35,7 +35,7 @@ class EventFeed:
         self._read_event = wire.Reader(wire.decode_event)
         self._read_answer = wire.Reader(wire.decode_answer)
         self._recovery = EventRecovery()
-        self.heard_s: float | None = None
+        self.received_s: float | None = None
         """When the bridge last said anything here, by `time.monotonic`."""
 
     def _open(self, kind: int) -> zmq.Socket[bytes]:
@@ -79,7 +79,7 @@ class EventFeed:
             if self.socket in ready:
                 numbered = self._read_event.read(self.socket.recv())
                 if numbered is not None:
-                    self.heard_s = time.monotonic()
+                    self.received_s = time.monotonic()
                     events += self._recovery.message(numbered)
         self._send_request()
         return events

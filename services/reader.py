@@ -78,7 +78,7 @@ class StateReader:
         self._position = 0
         """How far the stream is read: the number of the next state."""
         self._saccades: collections.deque[SaccadeOffset] = collections.deque(maxlen=MAX_SACCADES)
-        self._heard_s = time.monotonic()
+        self._received_s = time.monotonic()
 
     def subscribe(self) -> None:
         """Says that this reader is ready: a bridge that waits for one starts now."""
@@ -93,7 +93,7 @@ class StateReader:
     @property
     def silent_s(self) -> float:
         """For how long the bridge has said nothing, neither a state nor a heartbeat."""
-        return time.monotonic() - max(self._heard_s, self.events.heard_s or 0.0)
+        return time.monotonic() - max(self._received_s, self.events.received_s or 0.0)
 
     def wait_for_start(self, stopped: Callable[[], bool], patience_s: float = 60.0) -> StreamStarted | None:
         """Subscribes and returns the stream's first message, however late this is; None if asked to stop.
@@ -123,26 +123,26 @@ class StateReader:
                     "keys/NAME), or has none itself"
                 )
 
-    def saccades_heard(self) -> tuple[SaccadeOffset, ...]:
+    def saccades_received(self) -> tuple[SaccadeOffset, ...]:
         """The saccades that have come since the last call, late ones too. Does not wait."""
-        heard = tuple(self._saccades)
+        saccades = tuple(self._saccades)
         self._saccades.clear()
-        return heard
+        return saccades
 
     def newest(self) -> EyeState | None:
         """The newest state that has come since the last call, if any. Does not wait."""
         self._read_events()
         state = None
         while self._states.poll(0):
-            state = self._take() or state
+            state = self._next_state() or state
         return state
 
-    def _take(self) -> EyeState | None:
+    def _next_state(self) -> EyeState | None:
         message = self._read_state.read(self._states.recv())
         state, sent_ns = message or (None, None)
         if state is not None:
             self.newest_sent_ns = sent_ns
-        self._heard_s = time.monotonic()
+        self._received_s = time.monotonic()
         first = self.received == 0
         self.received += 1
         if state is None or state.sequence < self._position:

@@ -90,7 +90,7 @@ class DropoutFilter:
             self._interval.add(sample, sight, size, closed, self._sample_period_ns())
             if not self._interval.is_over(t_ns):
                 events += self._dipped(sample)
-                events += self._told(self._interval, sample.eye, t_ns)
+                events += self._report(self._interval, sample.eye, t_ns)
                 self._phase = self._interval.phase(sight) if self._seen else Phase.LOST
                 return self._as_shown(t_ns, events, sample.openness, size)
             events += self._end_interval(self._interval, sample)
@@ -115,7 +115,7 @@ class DropoutFilter:
         if self._interval is None:
             self._interval = self._begin_interval(self._newest.t_ns, 0)
         self._interval.fall_silent()
-        events = self._told(self._interval, self._newest.eye, t_ns)
+        events = self._report(self._interval, self._newest.eye, t_ns)
         self._phase = self._interval.phase(Sight.HIDDEN) if self._seen else Phase.LOST
         return events
 
@@ -134,11 +134,11 @@ class DropoutFilter:
         # A pupil that was never seen cannot be lost.
         return DropoutInterval(t_ns, onset_ns, extrapolation, lost=not self._seen)
 
-    def _told(self, interval: DropoutInterval, eye: Eye, t_ns: int) -> list[Event]:
+    def _report(self, interval: DropoutInterval, eye: Eye, t_ns: int) -> list[Event]:
         """What of a dropout interval has to be told by t_ns and was not yet."""
         events: list[Event] = []
-        if interval.blink and not interval.blink_told and self._seen:
-            interval.blink_told = True
+        if interval.blink and not interval.blink_reported and self._seen:
+            interval.blink_reported = True
             events.append(BlinkOnset(interval.onset_ns, eye))
         if not interval.lost and t_ns - interval.since_ns >= LOST_AFTER_NS:
             interval.lost = True
@@ -160,7 +160,7 @@ class DropoutFilter:
 
     def _end_interval(self, interval: DropoutInterval, sample: PupilSample) -> list[Event]:
         events: list[Event] = []
-        if interval.blink_told:
+        if interval.blink_reported:
             self._last_offset_ns = sample.t_ns
             events.append(BlinkOffset(sample.t_ns, sample.eye, sample.t_ns - interval.onset_ns))
         if interval.lost and self._seen:

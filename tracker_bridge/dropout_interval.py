@@ -65,7 +65,7 @@ class DropoutInterval:
         """A sign of a lid was seen."""
         self.blink = False
         """It is known to be a blink."""
-        self.blink_told = False
+        self.blink_reported = False
         self.lost = lost
         """It counts as a loss, and that was told."""
         self._closed: bool | None = None

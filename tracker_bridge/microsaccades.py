@@ -92,10 +92,10 @@ class SaccadeDetector:
 
     def _together(self, t_ns: int) -> Iterable[Movement]:
         """The movements, not told yet, that all eyes which are seen make together."""
-        if all(eye.movement is None or eye.movement.told for eye in self._eyes.values()):
+        if all(eye.movement is None or eye.movement.reported for eye in self._eyes.values()):
             return ()
         movements = [eye.movement for eye in self._eyes.values() if eye.sees(t_ns)]
-        ready = [m for m in movements if m is not None and not m.told and m.tell_from_ns <= t_ns]
+        ready = [m for m in movements if m is not None and not m.reported and m.report_from_ns <= t_ns]
         if not ready or len(ready) < len(movements):
             return ()
         onsets_ns = [movement.onset_ns for movement in ready]
@@ -109,7 +109,7 @@ class SaccadeDetector:
     def _onset(self, t_ns: int) -> SaccadeOnset:
         n = len(self._under_way)
         for movement in self._under_way:
-            movement.told = True
+            movement.reported = True
         self._onset_ns = round(sum(m.onset_ns for m in self._under_way) / n)
         return SaccadeOnset(
             t_ns=t_ns,

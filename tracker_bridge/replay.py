@@ -77,7 +77,7 @@ class EventRing:
 def answer(ring: EventRing, request: bytes) -> bytes:
     """What to say to whoever sent this."""
     try:
-        said = ring.since(wire.decode_request(request))
+        found: wire.Answer = ring.since(wire.decode_request(request))
     except wire.WireError as error:
-        said = wire.BadRequest(f'{error}; ask with a msgpack map {{"from": number of the first event wanted}}')
-    return wire.encode_answer(said)
+        found = wire.BadRequest(f'{error}; ask with a msgpack map {{"from": number of the first event wanted}}')
+    return wire.encode_answer(found)

@@ -88,13 +88,13 @@ class Movement:
     """When it was found."""
     direction: tuple[float, float]
     """To the right and upwards, of length 1."""
-    tell_from_ns: int
+    report_from_ns: int
     """Before this it may still turn out to be a lid."""
     end: Place | None = None
     """Its time is the offset."""
     peak_velocity_deg_s: float = 0.0
     """Known once it has ended."""
-    told: bool = False
+    reported: bool = False
     """It is part of a published event."""
 
 
@@ -137,7 +137,7 @@ class OneEye:
         movement = self.movement
         if movement is not None and movement.end is None:
             self._end(movement, max(movement.start, *self._filter.places[-1:]))
-        if movement is not None and not movement.told:
+        if movement is not None and not movement.reported:
             self.movement = None
         self._run.clear()
         self._in_overshoot = False
@@ -201,7 +201,7 @@ class OneEye:
             start=start._replace(t_ns=onset_ns),
             velocity=self._run[-1],
             direction=direction,
-            tell_from_ns=places[-1].t_ns + (self._settings.lid_wait_ns if direction[1] < _DOWNWARDS else 0),
+            report_from_ns=places[-1].t_ns + (self._settings.lid_wait_ns if direction[1] < _DOWNWARDS else 0),
         )
         self._run.clear()
 

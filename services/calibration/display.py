@@ -242,9 +242,9 @@ class SocketDisplay:
                 self._rung.recv()
         self._send_due()
 
-    def _note_display(self, said: bytes) -> None:
+    def _note_display(self, subscription: bytes) -> None:
         """One came or went."""
-        came = said[:1] == b"\x01"
+        came = subscription[:1] == b"\x01"
         self._displays += 1 if came else -1
         if came:
             for item in self._latest:
@@ -279,27 +279,27 @@ class SocketDisplay:
     def _send(self, message: ShowScreen | dict[str, object]) -> None:
         self._commands.send(msgspec.msgpack.encode(message))
 
-    def _receive(self, message: bytes, now_ns: int) -> None:
+    def _receive(self, data: bytes, now_ns: int) -> None:
         try:
-            said = self._decoder.decode(message)
+            message = self._decoder.decode(data)
         except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
             self.unreadable = str(error)
             return
-        if said.request is not None:
-            if said.request is Request.START:
+        if message.request is not None:
+            if message.request is Request.START:
                 # Whoever starts may be another program, or the same with a clock that starts again.
                 self._forget_clock()
-            self._arrived.append(said.request)
-        if said.t_ns is None:
+            self._arrived.append(message.request)
+        if message.t_ns is None:
             return
-        if said.answer is not None and (sent_ns := self._asked.pop(said.answer, None)) is not None:
-            for event in self._clock.add(sent_ns, said.t_ns, now_ns):
+        if message.answer is not None and (sent_ns := self._asked.pop(message.answer, None)) is not None:
+            for event in self._clock.add(sent_ns, message.t_ns, now_ns):
                 if isinstance(event, ClockEstimated):
                     self._uncertainty_ns = event.uncertainty_ns
-        if said.shown is not None and (shown_ns := self._clock.bridge_ns(said.t_ns)) is not None:
-            if self._unanswered is not None and said.shown == self._unanswered.id:
+        if message.shown is not None and (shown_ns := self._clock.bridge_ns(message.t_ns)) is not None:
+            if self._unanswered is not None and message.shown == self._unanswered.id:
                 self._unanswered = None
-            self._arrived.append(ScreenShown(said.shown, shown_ns))
+            self._arrived.append(ScreenShown(message.shown, shown_ns))
 
 
 Display = NoDisplay | SocketDisplay

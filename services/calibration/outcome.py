@@ -117,7 +117,7 @@ class Concluding:
         self._thread.join()
 
     def _work(self, job: Job) -> None:
-        message, said, complaint = msgspec.msgpack.encode(job), b"", b""
+        request, reply, errors = msgspec.msgpack.encode(job), b"", b""
         try:
             with self._lock:
                 if self._ended:
@@ -127,7 +127,7 @@ class Concluding:
                 pipe = subprocess.PIPE
                 self._process = subprocess.Popen(command, stdin=pipe, stdout=pipe, stderr=pipe)
             try:
-                said, complaint = self._process.communicate(message, timeout=_WITHIN_S)
+                reply, errors = self._process.communicate(request, timeout=_WITHIN_S)
             except subprocess.TimeoutExpired:
                 self._process.kill()
                 self._process.communicate()
@@ -136,9 +136,9 @@ class Concluding:
                     Named(_UNFINISHED, detail, "see what else runs, and calibrate again")
                 )
                 return
-            self._outcome = msgspec.msgpack.decode(said, type=Outcome)
+            self._outcome = msgspec.msgpack.decode(reply, type=Outcome)
         except (OSError, msgspec.DecodeError) as error:
-            lines = complaint.decode(errors="replace").strip().splitlines()
+            lines = errors.decode(errors="replace").strip().splitlines()
             detail = f"the process that works it out failed: {lines[-1] if lines else error}"
             self._outcome = Outcome.without_result(Named(_UNFINISHED, detail, "calibrate again"))
 

@@ -83,7 +83,7 @@ class CalibrationRun:
         if isinstance(item, GazeSample) or self.is_over:
             return
         for answer in self._room.display.answers(now_ns):
-            self._hear(answer, now_ns)
+            self._handle(answer, now_ns)
         if self._wants_start_ns is not None:
             self._start(now_ns, self._wants_start_ns)
         if isinstance(item, PupilSample):
@@ -125,7 +125,7 @@ class CalibrationRun:
         one = self._calibration
         return Recorded(self.protocol, self._eyes, one.stage, tuple(one.shown_screens), one.samples)
 
-    def _hear(self, answer: ScreenShown | Request, now_ns: int) -> None:
+    def _handle(self, answer: ScreenShown | Request, now_ns: int) -> None:
         if isinstance(answer, ScreenShown):
             self._calibration.shown(answer.id, answer.t_ns, now_ns)
             if answer.id in self._asked:

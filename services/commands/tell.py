@@ -39,7 +39,7 @@ def tell(
 
     if name and task is not Task.START_RECORDING:
         raise typer.BadParameter("only a recording that starts is given a name", param_hint="--name")
-    wish = {"do": task.value} | ({"name": name} if name else {})
-    request = msgspec.convert(wish, TrackerRequest)
+    fields = {"do": task.value} | ({"name": name} if name else {})
+    request = msgspec.convert(fields, TrackerRequest)
     client = None if keys is None else key_files.load_client(Path(keys))
     console.print(escape(control.tell(address, request, client).reply))

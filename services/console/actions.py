@@ -111,8 +111,8 @@ class Actions:
                 live.use(change(live.settings), observer)
                 reply = Reply(True, "These settings are for the next session.")
             else:
-                said = await self._ask(addresses.worker, ipc.GiveStatus(), keys)
-                if isinstance(status := status_of(said.data), WorkerStatus):
+                status_reply = await self._ask(addresses.worker, ipc.GiveStatus(), keys)
+                if isinstance(status := status_of(status_reply.data), WorkerStatus):
                     live.take_over(status)
                 new = change(live.settings)
                 reply = await self._ask(addresses.worker, ipc.ChangeSettings(new), keys)

@@ -38,7 +38,7 @@ AWAY_S, AHEAD_S = 5.0, 0.5
 """Times so long ago, or so far ahead, are of another machine's clock, or what was taken for now had waited: from then
 on the newest one is taken for now."""
 
-Hear = Callable[[list[bytes]], None]
+OnMessages = Callable[[list[bytes]], None]
 
 
 class Timeline:
@@ -61,13 +61,13 @@ class Timeline:
 
 
 class Feed(Listening):
-    """Reads from its making until closed; `hear` is called by its thread with encoded messages."""
+    """Reads from its making until closed; `on_messages` is called by its thread with encoded messages."""
 
     def __init__(
         self,
         addresses: Addresses,
         zero_s: float,
-        hear: Hear,
+        on_messages: OnMessages,
         bridge_keys: ClientKeys | None = None,
         worker_keys: ClientKeys | None = None,
     ) -> None:
@@ -75,7 +75,7 @@ class Feed(Listening):
         super().__init__()
         self.addresses = addresses
         self.figures = Figures()
-        self._zero_s, self._hear = zero_s, hear
+        self._zero_s, self._on_messages = zero_s, on_messages
         self._kept: collections.deque[tuple[float, bytes]] = collections.deque()
         self._lock = threading.Lock()
         with self._opening():
@@ -115,18 +115,18 @@ class Feed(Listening):
                     self._kept.extend((now_s, message) for message in kept)
                 while self._kept and self._kept[0][0] < now_s - KEPT_S:
                     self._kept.popleft()
-            self._hear([*kept, *shown])
+            self._on_messages([*kept, *shown])
 
     def _newest_shown(self, now_s: float) -> list[bytes]:
-        told = []
+        encoded = []
         for parts in _waiting(self._shown):
             try:
                 shown = messages.decode(parts[-1], Shown)
             except MessageError:
                 continue
             self.figures.add_shown(shown, now_s)
-            told.append(protocol.encode(shown_of(shown, self._frames.t_s(shown.t_ns, now_s))))
-        return told
+            encoded.append(protocol.encode(shown_of(shown, self._frames.t_s(shown.t_ns, now_s))))
+        return encoded
 
     def _traces(self, states: list[EyeState], now_s: float) -> Traces:
         stride = -(-len(states) // MAX_STATES) or 1

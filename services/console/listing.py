@@ -102,18 +102,18 @@ def _below(folder: Path | None) -> Iterator[tuple[str, Path]]:
             real = path.resolve()
         except (OSError, RuntimeError):  # a link that leads to itself
             continue
-        if real.is_relative_to(inside) and _can_be_told(real):
+        if real.is_relative_to(inside) and _is_text(real):
             yield str(path.relative_to(folder)), real
 
 
 def _in(folder: Path) -> list[Path]:
     try:
-        return sorted(path for path in folder.iterdir() if not path.name.startswith(".") and _can_be_told(path))
+        return sorted(path for path in folder.iterdir() if not path.name.startswith(".") and _is_text(path))
     except OSError:
         return []
 
 
-def _can_be_told(path: Path) -> bool:
+def _is_text(path: Path) -> bool:
     """Whether a name is text: a file system takes any bytes."""
     try:
         str(path).encode()

@@ -31,19 +31,19 @@ Wanted = Callable[[], dict[int, float]]
 
 
 class Pictures(Listening):
-    """Reads from its making until closed; `hear` is called by its thread with the kind and what a page is sent."""
+    """Reads from its making until closed; its thread calls `on_picture` with the kind and what a page is sent."""
 
     def __init__(
         self,
         address: str,
         wanted: Wanted,
-        hear: Callable[[int, bytes], None],
+        on_picture: Callable[[int, bytes], None],
         peak_cd_m2: Callable[[], float],
         keys: ClientKeys | None = None,
     ) -> None:
         """Raises zmq.ZMQError for an address that is none."""
         super().__init__()
-        self._wanted, self._hear, self._peak_cd_m2 = wanted, hear, peak_cd_m2
+        self._wanted, self._on_picture, self._peak_cd_m2 = wanted, on_picture, peak_cd_m2
         with self._opening():
             self._streams = {kind: _Stream(self._connected(address, keys, QUEUE), KINDS[kind]) for kind in KINDS}
         self._thread.start()
@@ -75,7 +75,7 @@ class Pictures(Listening):
             made = jpeg(picture, self._peak_cd_m2())
         except MessageError:
             return
-        self._hear(kind, protocol.picture(kind, picture.frame, made))
+        self._on_picture(kind, protocol.picture(kind, picture.frame, made))
 
 
 class _Stream:

@@ -49,15 +49,15 @@ class Snapshot(msgspec.Struct, frozen=True, kw_only=True):
 
 def problems(now: Snapshot) -> tuple[Problem, ...]:
     """All that is wrong, the worst first, each once."""
-    said = [status.problems for status in (now.host, now.bridge, now.worker) if status is not None]
-    codes = {one.code for each in said for one in each}
+    reported = [status.problems for status in (now.host, now.bridge, now.worker) if status is not None]
+    codes = {one.code for each in reported for one in each}
     found = [*_of_answers(now)]
     if "disk full" not in codes:
         found += _of_disk(now)
     if now.host.running if now.host is not None else not now.hosted:
         found += [] if "no tracker" in codes else _of_eyes(now)
         found += _of_frames(now)
-    return merged(*said, found)
+    return merged(*reported, found)
 
 
 def _of_answers(now: Snapshot) -> Iterator[Problem]:

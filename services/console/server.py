@@ -96,12 +96,12 @@ class Console:
         try:
             await self.welcome(page)
             sending = asyncio.create_task(page.send(socket.send_text, socket.send_bytes, self.live.viewers.pace_s))
-            hearing = asyncio.create_task(self._hear(socket, page))
-            _, others = await asyncio.wait({sending, hearing}, return_when=asyncio.FIRST_COMPLETED)
+            receiving = asyncio.create_task(self._receive(socket, page))
+            _, others = await asyncio.wait({sending, receiving}, return_when=asyncio.FIRST_COMPLETED)
             for task in others:
                 task.cancel()
-            results = await asyncio.gather(sending, hearing, return_exceptions=True)
-            if not hearing.cancelled() and isinstance(results[1], Exception):
+            results = await asyncio.gather(sending, receiving, return_exceptions=True)
+            if not receiving.cancelled() and isinstance(results[1], Exception):
                 raise results[1]
             with contextlib.suppress(RuntimeError, WebSocketDisconnect):
                 await socket.close()
@@ -110,21 +110,21 @@ class Console:
         finally:
             self.live.viewers.remove(page)
 
-    async def _hear(self, socket: WebSocket, page: Page) -> None:
+    async def _receive(self, socket: WebSocket, page: Page) -> None:
         while True:
             message = await socket.receive()
             if message["type"] == "websocket.disconnect":
                 raise WebSocketDisconnect(message.get("code", 1005))
             try:
-                said = message.get("text")
-                replied = await self.actions.do(requests.decode_request(said or message.get("bytes") or b""), page)
+                text = message.get("text")
+                replied = await self.actions.do(requests.decode_request(text or message.get("bytes") or b""), page)
             except RequestError as error:
                 replied = Replied(error.re, False, str(error))
             try:
-                said_back = protocol.encode(replied)
+                encoded = protocol.encode(replied)
             except (TypeError, ValueError) as error:  # a file's name that is no text
-                said_back = protocol.encode(Replied(replied.re, False, f"The answer cannot be told: {error}."))
-            page.queue([said_back])
+                encoded = protocol.encode(Replied(replied.re, False, f"The answer cannot be told: {error}."))
+            page.queue([encoded])
             await asyncio.sleep(REQUEST_S)
 
 

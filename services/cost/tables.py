@@ -106,7 +106,7 @@ def advice(wholes: Sequence[Whole], device: str) -> str:
     lines = ["## Which setting to take", "", f"On {device}, for one eye; two eyes take twice as long."]
     for fps in RATES_FPS:
         lines += ["", f"**{fps:g} frames per second** ({1e3 / fps:.1f} ms):", ""]
-        lines += [f"- {_said(choose(wholes, fps, size))}" for size in sizes]
+        lines += [f"- {_choice_line(choose(wholes, fps, size))}" for size in sizes]
     largest = sizes[0]
     names = list(dict.fromkeys(whole.scene for whole in wholes))
     lines += [
@@ -123,7 +123,7 @@ def advice(wholes: Sequence[Whole], device: str) -> str:
     return "\n".join([*lines, ""])
 
 
-def _said(choice: Choice) -> str:
+def _choice_line(choice: Choice) -> str:
     if choice.combination is None:
         least = f"{choice.milliseconds:.1f} ms"
         return f"{_size(choice.size)}: nothing fits; with every optional effect left out a frame takes {least}."

@@ -25,7 +25,7 @@ class StatusPoll:
         self.status: Status | None = None
         """As it said last."""
         self._client = Client(address, keys, context)
-        self._heard_s = time.monotonic()
+        self._answered_s = time.monotonic()
         self._due_s = 0.0
 
     def step(self) -> None:
@@ -33,7 +33,7 @@ class StatusPoll:
         now_s = time.monotonic()
         with contextlib.suppress(ControlError):
             if (reply := self._client.poll()) is not None and (status := status_of(reply.data)) is not None:
-                self.status, self._heard_s = status, now_s
+                self.status, self._answered_s = status, now_s
         if now_s >= self._due_s and (self._client.request is None or now_s - self._client.sent_s > PATIENCE_S):
             self._due_s = now_s + PERIOD_S
             self._client.send(GiveStatus())
@@ -41,7 +41,7 @@ class StatusPoll:
     @property
     def silent_s(self) -> float:
         """Since the last reply, or since `excuse`."""
-        return time.monotonic() - self._heard_s
+        return time.monotonic() - self._answered_s
 
     @property
     def is_silent(self) -> bool:
@@ -50,7 +50,7 @@ class StatusPoll:
 
     def excuse(self) -> None:
         """It cannot answer now: the silence counts from here."""
-        self._heard_s = time.monotonic()
+        self._answered_s = time.monotonic()
 
     def close(self) -> None:
         """Asks no more."""

@@ -83,11 +83,11 @@ class Child:
         """The last lines that it said beside its log."""
         return tuple(self._spoken)
 
-    def ending(self, said: str | None) -> str:
-        """How it ended, in its own words: `said` is the last error in its log."""
+    def ending(self, error: str | None) -> str:
+        """How it ended, in its own words: `error` is the last error in its log."""
         code = self._process.returncode
         how = f"signal {-code}" if code is not None and code < 0 else f"exit status {code}"
-        return f"({how}): {said or (self._spoken[-1] if self._spoken else 'it said nothing')}"
+        return f"({how}): {error or (self._spoken[-1] if self._spoken else 'it said nothing')}"
 
     def ask_to_stop(self) -> None:
         """Closes its standard input."""

@@ -235,8 +235,8 @@ class LiveSession:
         self._journal.say("recording ends", folder=str(folder))
         self._journal.end_recording()
         # Why a recording ended by itself is known to the processes alone.
-        said = [poll.status.problems for poll in self._polls.values() if poll.status is not None]
-        found = merged(self.problems, *said)
+        reported = [poll.status.problems for poll in self._polls.values() if poll.status is not None]
+        found = merged(self.problems, *reported)
         try:
             recording.note(folder, recorder.start_ns, self.gaps, interrupted=self._interrupted, problems=found)
         except OSError as error:
@@ -303,8 +303,8 @@ class LiveSession:
             for one in self.processes
             if one.is_ready and self._polls[one.name].is_silent
         ]
-        said = [status.problems for status in (self.bridge_status, self.worker_status) if status is not None]
-        return merged(self.problems, silent, *said, *(one.problems() for one in self.processes))
+        reported = [status.problems for status in (self.bridge_status, self.worker_status) if status is not None]
+        return merged(self.problems, silent, *reported, *(one.problems() for one in self.processes))
 
     @staticmethod
     def _controls(at: Addresses) -> dict[str, str]:

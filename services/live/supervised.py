@@ -39,7 +39,7 @@ class Supervised:
         self._config, self._ready_event = config, ready_event
         self._journal, self._on_message = journal, on_message
         self._child: Child | None = None
-        self._said: str | None = None
+        self._error: str | None = None
         self._ready_at_s: float | None = None
         self._start_at_s = 0.0
         self._kill_at_s: float | None = None
@@ -64,7 +64,7 @@ class Supervised:
     def start(self) -> None:
         """Starts it for the first time, or again."""
         again = self.state == "restarting"
-        self._said, self._ready_at_s = None, None
+        self._error, self._ready_at_s = None, None
         self._child = Child(self.name, self._config())
         self.state = "restarting" if again else "starting"
         self._journal.say("started", child=self.name, child_pid=self._child.pid, again=again)
@@ -82,7 +82,7 @@ class Supervised:
         ended = None
         for message in self._child.drain():
             self._journal.add(message)
-            self._said = message.get("error", self._said) if message.get("level") == "error" else self._said
+            self._error = message.get("error", self._error) if message.get("level") == "error" else self._error
             if message["event"] == self._ready_event:
                 self._ready()
             if message["event"] == "ended":
@@ -111,7 +111,7 @@ class Supervised:
     def _gone(self, code: int) -> None:
         assert self._child is not None
         child, self._child = self._child, None
-        why = f"it ended by itself {child.ending(self._said)}"
+        why = f"it ended by itself {child.ending(self._error)}"
         now_s = time.monotonic()
         if child.spoken and code != 0:
             self._journal.say("spoken", child=self.name, lines=child.spoken)

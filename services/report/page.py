@@ -69,7 +69,7 @@ def _page(folder: Path, summary: dict[str, Any], states: Table, events: Table, p
     return environment.get_template("report.html.jinja").render(
         summary=summary,
         worker=worker,
-        heard=worker.get("heard"),
+        reception=worker.get("reception"),
         notes=[*summary.get("notes", ()), *summary.get("folder_notes", ())],
         changed_s=summary.get("settings_changed_s", ()),
         gaps=gaps,

@@ -23,7 +23,7 @@ from entoptic.services.results import kept, render_log
 from entoptic.services.results.appended import Appended, row, whole_rows
 from entoptic.services.results.folder import WORKER
 from entoptic.services.results.render_log import Begun, FrameRecord, Perceive, RenderLog, Resumed
-from entoptic.services.results.tally import PLAN, Heard, Tally, WorkerSummary, plan_columns
+from entoptic.services.results.tally import PLAN, Reception, Tally, WorkerSummary, plan_columns
 from entoptic.services.settings import Settings
 
 KEY_FRAMES = 6
@@ -178,9 +178,9 @@ class Results(contextlib.ExitStack):
         self._pairs.append({"frame": rendered.frame_number, "t_s": t_s})
         write_bytes(folder / "key_frames.json", json.dumps(self._pairs).encode())
 
-    def summary(self, heard: Heard | None, warm_up_s: float | None) -> WorkerSummary:
+    def summary(self, reception: Reception | None, warm_up_s: float | None) -> WorkerSummary:
         """All of it in figures."""
-        return self._tally.summary(heard, self._hash.hexdigest(), warm_up_s)
+        return self._tally.summary(reception, self._hash.hexdigest(), warm_up_s)
 
 
 def film_parts(folder: Path) -> list[Path]:

@@ -23,8 +23,8 @@ LATENCIES = ("sample_to_state_ms", "state_to_frame_ms", "frame_to_sink_ms")
 _PARTS = ("scene", "measure", "kernel", "plan", "encode")
 
 
-class Heard(msgspec.Struct, frozen=True):
-    """How well a worker heard its bridge."""
+class Reception(msgspec.Struct, frozen=True):
+    """What a worker received of its bridge."""
 
     states_received: int
     states_skipped: int
@@ -43,7 +43,7 @@ class WorkerSummary(msgspec.Struct, frozen=True):
     frames: int
     dropped_frames: int
     """Frames that live rendering left out rather than fall behind, or while the worker was away."""
-    heard: Heard | None
+    reception: Reception | None
     """None where it was lost with the worker."""
     perceived_sha256: str
     """Of all perceived frames' code values, in order; a worker that was started anew in between goes on from the digest
@@ -135,12 +135,12 @@ class Tally:
         self._count_in(t_s, milliseconds, runs)
         return cells
 
-    def summary(self, heard: Heard | None, perceived_sha256: str, warm_up_s: float | None) -> WorkerSummary:
+    def summary(self, reception: Reception | None, perceived_sha256: str, warm_up_s: float | None) -> WorkerSummary:
         """All of it in figures."""
         return WorkerSummary(
             frames=len(self._times_s),
             dropped_frames=dropped_of(self._times_s, self._fps),
-            heard=heard,
+            reception=reception,
             perceived_sha256=perceived_sha256,
             median_ms={part: round(float(np.median(times)), 2) for part, times in self._milliseconds.items()},
             share_of_frames={effect: runs / max(len(self._times_s), 1) for effect, runs in self._runs.items()},

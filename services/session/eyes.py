@@ -47,7 +47,7 @@ class RecordedEyes:
                 lambda item: not stop() and (self.end_ns is None or item.t_ns <= self.end_ns), items
             )
             for record in records_of(wanted, chain):
-                # An event may be told late; time does not go back for it.
+                # An event may be reported late; time does not go back for it.
                 t_ns = max(record.t_ns, t_ns)
                 yield record
         self.ended_ns = t_ns
@@ -62,11 +62,11 @@ class RecordedEyes:
         return newest
 
     def saccades_until(self, t_ns: int) -> tuple[SaccadeOffset, ...]:
-        """The saccades told no later than `t_ns`, each once. They are told by PATIENCE_NS late at most."""
+        """The saccades reported no later than `t_ns`, each once. They are reported by PATIENCE_NS late at most."""
         self._read(t_ns + PATIENCE_NS)
-        told = tuple(saccade for saccade in self._saccades if saccade.t_ns <= t_ns)
+        due = tuple(saccade for saccade in self._saccades if saccade.t_ns <= t_ns)
         self._saccades = [saccade for saccade in self._saccades if saccade.t_ns > t_ns]
-        return told
+        return due
 
     def finish(self) -> None:
         """Reads what is left."""

@@ -31,7 +31,7 @@ from entoptic.services.results.finish import finish, write_summary
 from entoptic.services.results.folder import BRIDGE, results_folder
 from entoptic.services.results.frames import Results
 from entoptic.services.results.render_log import FrameRecord, begin
-from entoptic.services.results.tally import Heard
+from entoptic.services.results.tally import Reception
 from entoptic.services.session.eyes import RecordedEyes
 from entoptic.services.session.watch import Work, watch
 from entoptic.services.session_config import EYES, OpenedSession
@@ -115,7 +115,7 @@ def _render(opened: OpenedSession, folder: Path, stop: Stop, work: Work) -> Outc
                 results.note(rendered)
                 work.frame += 1
         eyes.finish()
-    summary = results.summary(Heard(eyes.states, 0, 0, 0, {}), warm_up_s)
+    summary = results.summary(Reception(eyes.states, 0, 0, 0, {}), warm_up_s)
     write_summary(summary, folder)
     return Outcome(work.frame, EyesSummary(source.info.name, eyes.states, chain.late_count), stop())
 

@@ -43,24 +43,24 @@ class Work:
 
 def watch(work: Callable[[Work], Result], stop: Stop, console: Console, nothing: str) -> Result:
     """What `work` gives. Raises what it raises, and StoppedError saying `nothing` where a stop leaves nothing."""
-    said = Work()
+    state = Work()
     future: Future[Result] = Future()
 
     def run() -> None:
         try:
-            future.set_result(work(said))
+            future.set_result(work(state))
         except BaseException as error:
             future.set_exception(error)
 
     threading.Thread(target=run, name="rendering", daemon=True).start()
     columns = (BarColumn(), MofNCompleteColumn(), TimeElapsedColumn(), TimeRemainingColumn())
     with Progress(TextColumn("{task.description}"), *columns, console=console) as progress:
-        task = progress.add_task(said.stage, total=None)
+        task = progress.add_task(state.stage, total=None)
         done = False
         while not done:
             done = bool(wait([future], LOOKS_UP_S).done)
-            if stop() and not said.keeps:
+            if stop() and not state.keeps:
                 raise StoppedError(nothing)
-            stage = "stopping" if stop() else said.stage
-            progress.update(task, description=stage, completed=said.frame, total=said.frames)
+            stage = "stopping" if stop() else state.stage
+            progress.update(task, description=stage, completed=state.frame, total=state.frames)
     return future.result()

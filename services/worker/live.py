@@ -34,7 +34,7 @@ from entoptic.services.reader import StateReader
 from entoptic.services.rendering import Rendered, Rendering, frames_known, gaze_deg, impulses_of
 from entoptic.services.results import finish
 from entoptic.services.results.render_log import FrameRecord, begin
-from entoptic.services.results.tally import Heard, WorkerSummary
+from entoptic.services.results.tally import Reception, WorkerSummary
 from entoptic.services.session_config import EYES, WorkerConfig, open_view, view_of
 from entoptic.services.settings import Settings
 from entoptic.services.worker.checkpoint import Checkpoint, Keeper
@@ -196,7 +196,7 @@ class LiveWorker:
         begun = begin(self._view, self._rendering, live=True, zero_s=(command.start_ns - self._zero_ns) / NS_PER_S)
         try:
             self._recording.begin(
-                command.folder, command.start_ns, begun, frozenset(self._view.save), _heard(self._reader)
+                command.folder, command.start_ns, begun, frozenset(self._view.save), _reception(self._reader)
             )
         except UNWRITABLE as error:
             self._recording.problem = unwritable(command.folder, error)
@@ -207,7 +207,7 @@ class LiveWorker:
     def _end(self) -> tuple[WorkerSummary | None, Reply]:
         if not self._recording.runs:
             return None, Reply(False, str(self._recording.problem or "nothing is being recorded"))
-        summary = self._recording.end(_heard(self._reader), self._warm_up_s)
+        summary = self._recording.end(_reception(self._reader), self._warm_up_s)
         if summary is None:
             return None, Reply(False, str(self._recording.problem or "the recording could not be ended"))
         return summary, Reply(True, f"{summary.frames} frames are recorded", {"frames": summary.frames})
@@ -219,9 +219,9 @@ class LiveWorker:
         dt_s = t_s - self._t_s
         newest = self._reader.newest()
         self._state = newest or (None if self._reader.silent_s > GONE_S else self._state)
-        told = self._reader.saccades_heard()
+        saccades = self._reader.saccades_received()
         has_impulses = self._rendering.perception.observer.ocular_dynamics.vitreous and self._state is not None
-        saccade_impulses = impulses_of(told, self._state.t_ns) if has_impulses and self._state is not None else ()
+        saccade_impulses = impulses_of(saccades, self._state.t_ns) if has_impulses and self._state is not None else ()
         head = self._head_path.step(t_s, dt_s, self._head, gaze_deg(self._state))
         arguments = (frame, t_s, dt_s, head, self._state, saccade_impulses)
         before, (revision, settings) = self._rendering.perception, self._settings
@@ -232,7 +232,7 @@ class LiveWorker:
         except (FrameError, OpticsError) as error:
             if settings == before:
                 raise
-            self._take_back(revision, before, error)
+            self._restore(revision, before, error)
             rendered = self._rendering.render(*arguments)
         else:
             self._refused = self._refused if settings == before else None
@@ -242,7 +242,7 @@ class LiveWorker:
         record = FrameRecord(frame, t_s, dt_s, head, self._state, saccade_impulses, self._dropped, timings)
         self._sink(rendered, record, begun_ns)
 
-    def _take_back(self, revision: int, before: Settings, error: Exception) -> None:
+    def _restore(self, revision: int, before: Settings, error: Exception) -> None:
         self._refused = problem(
             "settings taken back",
             "warning",
@@ -366,6 +366,6 @@ def run(config: WorkerConfig, stop: Stop, log: structlog.typing.FilteringBoundLo
     log.info("ended", **({} if summary is None else msgspec.to_builtins(summary)))
 
 
-def _heard(reader: StateReader) -> Heard:
-    """How well the bridge was heard so far."""
-    return Heard(reader.received, reader.skipped, reader.events.gaps, reader.events.lost, reader.refused)
+def _reception(reader: StateReader) -> Reception:
+    """What was received of the bridge so far."""
+    return Reception(reader.received, reader.skipped, reader.events.gaps, reader.events.lost, reader.refused)

@@ -187,8 +187,8 @@ class LivePublisher:
             else:
                 self._connected.discard(happened["value"])
 
-    def _note(self, said: bytes) -> None:
-        kind, prefix = said[:1], said[1:]
+    def _note(self, subscription: bytes) -> None:
+        kind, prefix = subscription[:1], subscription[1:]
         for topic, prefixes in self._topics.items():
             if not topic.startswith(prefix):
                 continue

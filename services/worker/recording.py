@@ -17,7 +17,7 @@ from entoptic.services.results.finish import write_summary
 from entoptic.services.results.frames import Results
 from entoptic.services.results.render_log import FILE as RENDER_LOG
 from entoptic.services.results.render_log import Begun, FrameRecord
-from entoptic.services.results.tally import Heard, WorkerSummary
+from entoptic.services.results.tally import Reception, WorkerSummary
 from entoptic.services.settings import Settings
 
 UNWRITABLE = (OSError, EntopticError)
@@ -29,19 +29,19 @@ class WorkerRecording:
     def __init__(self, log: structlog.typing.FilteringBoundLogger) -> None:
         self._log = log
         self._results: Results | None = None
-        self._heard_before = Heard(0, 0, 0, 0, {})
+        self._reception_before = Reception(0, 0, 0, 0, {})
         self._goes_on = False
         self.start_ns = 0
         self.folder: str | None = None
         self.problem: Problem | None = None
         """Why the last recording ended before it was asked to."""
 
-    def begin(self, folder: str, start_ns: int, begun: Begun, save: frozenset[Save], heard: Heard) -> None:
+    def begin(self, folder: str, start_ns: int, begun: Begun, save: frozenset[Save], reception: Reception) -> None:
         """Raises OSError or an EntopticError where nothing can be kept there."""
         # What a worker before this one heard went with it: then nothing is known of all of the recording.
         self._goes_on = (Path(folder) / RENDER_LOG).exists()
         self._results = Results(Path(folder), begun, save)
-        self.folder, self.start_ns, self.problem, self._heard_before = folder, start_ns, None, heard
+        self.folder, self.start_ns, self.problem, self._reception_before = folder, start_ns, None, reception
         self._log.info("recording begins", folder=folder)
 
     @property
@@ -73,12 +73,12 @@ class WorkerRecording:
             with self._ended_by_problem():
                 self._results.check()
 
-    def end(self, heard: Heard, warm_up_s: float | None) -> WorkerSummary | None:
+    def end(self, reception: Reception, warm_up_s: float | None) -> WorkerSummary | None:
         """Makes all files whole; what is in them. None where nothing was recorded or the summary cannot be written."""
         results, self._results = self._results, None
         if results is None:
             return None
-        known = None if self._goes_on else _since(self._heard_before, heard)
+        known = None if self._goes_on else _since(self._reception_before, reception)
         summary = results.summary(known, warm_up_s)
         try:
             with results:
@@ -108,9 +108,9 @@ class WorkerRecording:
         self.folder = None
 
 
-def _since(before: Heard, now: Heard) -> Heard:
+def _since(before: Reception, now: Reception) -> Reception:
     refused = {name: count - before.messages_refused.get(name, 0) for name, count in now.messages_refused.items()}
-    return Heard(
+    return Reception(
         now.states_received - before.states_received,
         now.states_skipped - before.states_skipped,
         now.event_gaps - before.event_gaps,

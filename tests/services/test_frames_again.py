@@ -27,7 +27,7 @@ from entoptic.services.results import finish as takes
 from entoptic.services.results import kept
 from entoptic.services.results.frames import Results
 from entoptic.services.results.render_log import FrameRecord, RenderLog, RenderLogError, begin
-from entoptic.services.results.tally import Heard
+from entoptic.services.results.tally import Reception
 from entoptic.services.session.again import render
 from entoptic.services.session.watch import Work
 from entoptic.services.session_config import EYES, view_of
@@ -40,7 +40,7 @@ FPS = 20.0
 LEFT_OUT = ["acuity", "night_colour", "rod_noise"]  # each takes seconds to compile
 VIEW = ViewConfig(width_px=32, height_px=24, fov_deg=90.0, fps=FPS, eyes=Eyes.BOTH, head="still")
 SAVE = frozenset({Save.VIDEO})
-HEARD = Heard(0, 0, 0, 0, {})
+RECEPTION = Reception(0, 0, 0, 0, {})
 
 
 def settings(**plan: Any) -> Settings:
@@ -115,7 +115,7 @@ def take(tmp_path_factory: pytest.TempPathFactory) -> Path:
     anew.rendering.costs, anew.rendering.memory, anew.t_s = remembered.costs, remembered.state, remembered.t_s
     with Results(folder, begin(VIEW, anew.rendering, live=True, zero_s=2 / FPS), SAVE) as results:
         anew.frames(results, [40, 41, 42])
-    takes.write_summary(results.summary(HEARD, None), folder)
+    takes.write_summary(results.summary(RECEPTION, None), folder)
     return folder
 
 
@@ -166,7 +166,7 @@ def test_a_take_is_finished_into_one_film(take: Path, tmp_path: Path) -> None:
     anew = takes.finish(tmp_path / "take")
     assert anew["worker"]["frames"] == 11
     assert anew["worker"]["perceived_sha256"] == done["worker"]["perceived_sha256"]
-    assert anew["worker"]["heard"] is None
+    assert anew["worker"]["reception"] is None
     assert any("last word is missing" in note for note in anew["folder_notes"])
 
 
@@ -305,7 +305,7 @@ def test_a_take_whose_folder_is_gone_ends_and_says_so(tmp_path: Path) -> None:
     recording = WorkerRecording(structlog.get_logger())
     folder = tmp_path / "take"
     folder.mkdir()
-    recording.begin(str(folder), 0, begin(VIEW, session.rendering, live=True), SAVE, HEARD)
+    recording.begin(str(folder), 0, begin(VIEW, session.rendering, live=True), SAVE, RECEPTION)
     rendered = session.rendering.render(0, 0.0, 0.0, Head(), None, ())
     recording.add(rendered, FrameRecord(0, 0.0, 0.0, Head(), None, (), 0))
     recording.note(rendered, None)
@@ -316,13 +316,13 @@ def test_a_take_whose_folder_is_gone_ends_and_says_so(tmp_path: Path) -> None:
     assert not recording.runs
     assert recording.problem is not None
     assert str(folder) in recording.problem.what
-    assert recording.end(HEARD, None) is None
+    assert recording.end(RECEPTION, None) is None
     with pytest.raises((OSError, FrameError)):
-        recording.begin(str(folder), 0, begin(VIEW, session.rendering, live=True), SAVE, HEARD)
+        recording.begin(str(folder), 0, begin(VIEW, session.rendering, live=True), SAVE, RECEPTION)
     folder.mkdir()
-    recording.begin(str(folder), 0, begin(VIEW, session.rendering, live=True), SAVE, HEARD)
+    recording.begin(str(folder), 0, begin(VIEW, session.rendering, live=True), SAVE, RECEPTION)
     assert recording.problem is None
-    assert recording.end(HEARD, 1.0) is not None
+    assert recording.end(RECEPTION, 1.0) is not None
     assert json.loads((folder / "worker.json").read_text())["frames"] == 0
     assert takes.finish(folder)["film"] is None
 

@@ -71,9 +71,9 @@ def test_a_live_reader_hears_each_saccade_once(bridge: Bridge, connect: Callable
         bridge.event(saccade(t_ms))
     while len(heard) < 3:
         reader.newest()
-        heard += told_ms(reader.saccades_heard())
+        heard += told_ms(reader.saccades_received())
     assert heard == [100, 200, 150]
-    assert reader.saccades_heard() == ()
+    assert reader.saccades_received() == ()
 
 
 def test_kicks_are_as_old_as_their_saccades() -> None:

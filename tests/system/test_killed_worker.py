@@ -120,7 +120,7 @@ def test_a_killed_worker_goes_on_and_its_take_is_rendered_again(tmp_path: Path) 
     assert done["film"] == "perceived.mp4"
     assert len(done["restarted_s"]) == 1
     assert len(rows) <= done["worker"]["frames"] <= len(rows) + 1  # the killed worker's last row may be missing
-    assert done["worker"]["heard"] is None
+    assert done["worker"]["reception"] is None
     assert any(float(row["sample_to_state_ms"] or -1) >= 0 for row in rows)
     assert render(folder, again, frozenset({Save.VIDEO}), None, Stop(), Work()) is None
     summary = json.loads((again / "worker.json").read_text())

@@ -69,8 +69,8 @@ def test_a_session_end_to_end_and_the_same_again(tmp_path: Path) -> None:
     }  # fmt: skip
     worker = summaries[0]["worker"]
     assert worker["frames"] == 30
-    assert worker["heard"]["messages_refused"] == {}
-    assert len(rows(one / "states.csv")) == summaries[0]["bridge"]["states"] == worker["heard"]["states_received"]
+    assert worker["reception"]["messages_refused"] == {}
+    assert len(rows(one / "states.csv")) == summaries[0]["bridge"]["states"] == worker["reception"]["states_received"]
     plan = rows(one / "plan.csv")
     assert [int(row["frame"]) for row in plan] == list(range(30))
     assert all(row["glare_reason"] and float(row["total_ms"]) > 0 for row in plan)

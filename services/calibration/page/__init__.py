@@ -123,12 +123,12 @@ def _file(name: str) -> Callable[[Request], FileResponse]:
     return answer
 
 
-async def _pass_on(said: str, answers: zmq.asyncio.Socket) -> None:
+async def _pass_on(text: str, answers: zmq.asyncio.Socket) -> None:
     """What is no JSON, nested endlessly, too long or holds a number of more than 64 bits is no message; what a message
     means is for the calibration to check.
     """
     with contextlib.suppress(msgspec.DecodeError, RecursionError, OverflowError, zmq.Again):
-        message = msgspec.msgpack.encode(msgspec.json.decode(said))
+        message = msgspec.msgpack.encode(msgspec.json.decode(text))
         if len(message) <= MAX_ANSWER_BYTES:
             await answers.send(message, zmq.DONTWAIT)
 

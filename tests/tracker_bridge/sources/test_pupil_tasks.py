@@ -49,17 +49,17 @@ def test_the_log_says_why() -> None:
 def test_a_stopped_calibration_waits_for_its_fit(outcome: TaskOutcome) -> None:
     tasks = OpenTasks()
     tasks.expect(order(Command.STOP_CALIBRATION))
-    tasks.heard(calibration(TaskOutcome.STOPPED, S))
+    tasks.note(calibration(TaskOutcome.STOPPED, S))
     fit_ns = S + round(FIT.within_s * S)
     assert tasks.overdue(fit_ns - 1) == ()
-    tasks.heard(calibration(outcome, fit_ns - 1))
+    tasks.note(calibration(outcome, fit_ns - 1))
     assert tasks.overdue(fit_ns) == ()
 
 
 def test_a_fit_that_does_not_end_is_a_failure() -> None:
     tasks = OpenTasks()
     tasks.expect(order(Command.STOP_CALIBRATION))
-    tasks.heard(calibration(TaskOutcome.STOPPED, S))
+    tasks.note(calibration(TaskOutcome.STOPPED, S))
     (failure,) = tasks.overdue(61 * S)
     assert "ended" in failure.detail
 
@@ -67,16 +67,16 @@ def test_a_fit_that_does_not_end_is_a_failure() -> None:
 def test_old_versions_say_how_it_ended_before_they_say_that_it_stopped() -> None:
     tasks = OpenTasks()
     tasks.expect(order(Command.STOP_CALIBRATION))
-    tasks.heard(calibration(TaskOutcome.SUCCEEDED, S))
-    tasks.heard(calibration(TaskOutcome.STOPPED, S))
+    tasks.note(calibration(TaskOutcome.SUCCEEDED, S))
+    tasks.note(calibration(TaskOutcome.STOPPED, S))
     assert tasks.overdue(100 * S) == ()
 
 
 def test_another_task_is_no_answer() -> None:
     tasks = OpenTasks()
     tasks.expect(order(Command.START_RECORDING))
-    tasks.heard(calibration(TaskOutcome.STARTED, S))
-    tasks.heard(TrackerTask(S, TaskKind.RECORDING, TaskOutcome.STOPPED, ""))
+    tasks.note(calibration(TaskOutcome.STARTED, S))
+    tasks.note(TrackerTask(S, TaskKind.RECORDING, TaskOutcome.STOPPED, ""))
     assert len(tasks.overdue(5 * S)) == 1
 
 
@@ -94,5 +94,5 @@ def test_each_report_answers_one_order() -> None:
     tasks = OpenTasks()
     for given_ns in (0, S):
         tasks.expect(order(Command.START_RECORDING, given_ns))
-    tasks.heard(TrackerTask(2 * S, TaskKind.RECORDING, TaskOutcome.STARTED, ""))
+    tasks.note(TrackerTask(2 * S, TaskKind.RECORDING, TaskOutcome.STARTED, ""))
     assert len(tasks.overdue(10 * S)) == 1

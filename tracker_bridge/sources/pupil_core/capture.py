@@ -155,7 +155,7 @@ class Arrivals:
         self._woken_ns = self._quiet_since_ns = self._answered_ns = now_ns()
         self._wrong_time_ns = self._unread_ns = self._quiet_since_ns - SILENT_NS
         self._quiet = True
-        self._told: str | None = ""
+        self._reported: str | None = ""
         """Why the tracker is silent, as told; "" before the first sample, None while samples come."""
 
     @property
@@ -167,7 +167,7 @@ class Arrivals:
         """What has arrived, and what is due because time has passed."""
         self._quiet = True
         for each in news:
-            yield from self._hear(each)
+            yield from self._handle(each)
         for message in messages:
             yield from self._read(message)
             yield from self._tick()
@@ -178,7 +178,7 @@ class Arrivals:
         # Nothing more is here: who reads this need not wait for a moment to be whole.
         yield from self._tick(at_once=not self._quiet)
 
-    def _hear(self, news: News) -> Iterator[Item]:
+    def _handle(self, news: News) -> Iterator[Item]:
         if isinstance(news, RoundTrip):
             self._answered_ns = news.received_ns
             for event in self._clock.add(news.sent_ns, news.pupil_ns, news.received_ns):
@@ -205,7 +205,7 @@ class Arrivals:
         self._counts[read.became] += 1
         if read.event is not None:
             if isinstance(read.event, TrackerTask):
-                self._tasks.heard(read.event)
+                self._tasks.note(read.event)
             yield read.event
         if read.remark:
             self._tasks.remark(read.remark, message.received_ns)
@@ -217,8 +217,8 @@ class Arrivals:
                 continue
             self._quiet_since_ns = max(message.received_ns, self._quiet_since_ns)
             self._quiet = False
-            if self._told is not None:
-                self._told = None
+            if self._reported is not None:
+                self._reported = None
                 yield SourceBack(message.received_ns)
             yield placed
 
@@ -243,8 +243,8 @@ class Arrivals:
 
     def _silence(self) -> Iterator[Item]:
         now_ns = self._now_ns()
-        if now_ns - self._quiet_since_ns >= SILENT_NS and (reason := self._reason(now_ns)) != self._told:
-            self._told = reason
+        if now_ns - self._quiet_since_ns >= SILENT_NS and (reason := self._reason(now_ns)) != self._reported:
+            self._reported = reason
             yield SourceSilent(now_ns, reason)
 
     def _tick(self, *, at_once: bool = False) -> Iterator[Item]:

@@ -82,7 +82,7 @@ class OpenTasks:
         """An order is about to be sent."""
         self._open.append(_Open(order, EXPECTED[order.command], order.given_ns))
 
-    def heard(self, task: TrackerTask) -> None:
+    def note(self, task: TrackerTask) -> None:
         """Capture reports: the oldest order that this answers is done, or waits for the calibration's fit."""
         for open_ in self._open:
             if open_.expected.kind is task.kind and task.outcome in open_.expected.outcomes:

@@ -52,8 +52,8 @@ class PacketStream:
         """What had to be left out or assumed, a sentence each."""
         self.bad_count = 0
         """Reports that could not be read."""
-        self._told_ns: int | None = None
-        self._untold: list[str] = []
+        self._reported_ns: int | None = None
+        self._unreported: list[str] = []
 
     def lose(self) -> None:
         """Forgets a report that was begun: its rest will not come."""
@@ -87,14 +87,14 @@ class PacketStream:
     def complain(self, text: str, now_ns: int) -> list[Item]:
         """Counts a report that cannot be read, and tells of it, with all since, at most once a second."""
         self.bad_count += 1
-        self._untold.append(text)
+        self._unreported.append(text)
         return self._complaint(now_ns)
 
     def _complaint(self, now_ns: int) -> list[Item]:
-        if not self._untold or (self._told_ns is not None and now_ns - self._told_ns < COMPLAINT_EVERY_NS):
+        if not self._unreported or (self._reported_ns is not None and now_ns - self._reported_ns < COMPLAINT_EVERY_NS):
             return []
-        more = f", and {len(self._untold) - 1} more" if len(self._untold) > 1 else ""
-        text = f"{self._untold[0]}; it was left out{more}"
-        self._told_ns = now_ns
-        self._untold.clear()
+        more = f", and {len(self._unreported) - 1} more" if len(self._unreported) > 1 else ""
+        text = f"{self._unreported[0]}; it was left out{more}"
+        self._reported_ns = now_ns
+        self._unreported.clear()
         return [TrackerStatus(now_ns, self.status is None or self.status.is_ready, text)]

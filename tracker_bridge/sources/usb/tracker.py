@@ -145,7 +145,7 @@ class _Session:
         # One clock through all connections: it finds out by itself whether the device's went on or began again.
         self._clock = ArrivalClock()
         self._is_flowing = False
-        self._told: str | None = None
+        self._reported: str | None = None
         """Why nothing comes, as last told; None while all is well."""
 
     def run(self) -> Iterator[Item]:
@@ -153,7 +153,7 @@ class _Session:
             try:
                 tracker = find_tracker(self._backend, self._usb_id)
             except NoTrackerError as error:
-                if self._told is None:
+                if self._reported is None:
                     yield from self._tell(str(error))
             except SourceError as error:
                 yield from self._tell(str(error))
@@ -164,9 +164,9 @@ class _Session:
 
     def _tell(self, reason: str) -> Iterator[Item]:
         """Why nothing comes: that it does not at first, then each new reason."""
-        if reason != self._told:
+        if reason != self._reported:
             now_ns = self._time.now_ns()
-            is_first, self._told, self._is_flowing = self._told is None, reason, False
+            is_first, self._reported, self._is_flowing = self._reported is None, reason, False
             yield SourceSilent(now_ns, reason) if is_first else TrackerStatus(now_ns, ready=False, detail=reason)
 
     def _wait(self) -> Iterator[Item]:
@@ -183,13 +183,13 @@ class _Session:
         if stream.status is not None:
             yield TrackerStatus(self._time.now_ns(), stream.status.is_ready, str(stream.status))
         errors = 0
-        heard_ns = item_ns = self._time.now_ns()
+        received_ns = item_ns = self._time.now_ns()
         while not self._is_over():
             try:
                 packet = tracker.read(READ_TIMEOUT_MS)
             except UsbTimeout:
                 now_ns = self._time.now_ns()
-                if now_ns - heard_ns >= SILENT_AFTER_NS:
+                if now_ns - received_ns >= SILENT_AFTER_NS:
                     yield from self._tell(f"{tracker.connection.name} is plugged in but sends nothing")
                 yield Tick(now_ns)
                 continue
@@ -206,20 +206,20 @@ class _Session:
                 yield Tick(now_ns)
                 continue
             errors = 0
-            heard_ns = self._time.now_ns()
+            received_ns = self._time.now_ns()
             if self._capture is not None:
-                self._capture.packet(packet, heard_ns)
-            items = stream.add(packet, heard_ns)
+                self._capture.packet(packet, received_ns)
+            items = stream.add(packet, received_ns)
             if items:
-                item_ns = heard_ns
-            elif heard_ns - item_ns >= READ_TIMEOUT_MS * 1_000_000:
+                item_ns = received_ns
+            elif received_ns - item_ns >= READ_TIMEOUT_MS * 1_000_000:
                 # Packets come, but nothing of use.
-                item_ns = heard_ns
-                items = [Tick(heard_ns)]
+                item_ns = received_ns
+                items = [Tick(received_ns)]
             for item in items:
                 if not self._is_flowing and isinstance(item, PupilSample | GazeSample):
-                    self._is_flowing, self._told = True, None
-                    yield SourceBack(heard_ns)
+                    self._is_flowing, self._reported = True, None
+                    yield SourceBack(received_ns)
                 yield item
 
     def _mend(self, tracker: Tracker, error: Any, errors: int) -> str | None:
