@@ -115,7 +115,7 @@ def _ready(child: Child) -> dict[str, Any]:
             if message["event"] == "ready":
                 return message
         time.sleep(0.05)
-    raise SystemExit(f"the {child.name} is not ready: {child.spoken}")
+    raise SystemExit(f"the {child.name} is not ready: {child.output}")
 
 
 def rate(frames: zmq.Socket[bytes], seconds: float) -> float:

@@ -65,7 +65,7 @@ def load_server(folder: Path) -> ServerKeys:
     public, secret = _load_pair(folder, BRIDGE)
     clients = folder / CLIENTS
     for path in clients.glob("*.key"):
-        _load(path, "remove it, or make the reader's keys anew")
+        _load(path, "remove it, or make the reader's keys again")
     return ServerKeys(public, secret, clients)
 
 

@@ -119,18 +119,18 @@ class SaccadeDetector:
         )
 
     def _offset(self, t_ns: int) -> SaccadeOffset:
-        ways = [(m.start, m.end, m.peak_velocity_deg_s) for m in self._under_way if m.end is not None]
-        n = len(ways)
-        azimuth = sum(end.azimuth_deg - start.azimuth_deg for start, end, _ in ways) / n
-        elevation = sum(end.elevation_deg - start.elevation_deg for start, end, _ in ways) / n
-        amplitude = sum(angle_deg(start, end) for start, end, _ in ways) / n
+        ended = [(m.start, m.end, m.peak_velocity_deg_s) for m in self._under_way if m.end is not None]
+        n = len(ended)
+        azimuth = sum(end.azimuth_deg - start.azimuth_deg for start, end, _ in ended) / n
+        elevation = sum(end.elevation_deg - start.elevation_deg for start, end, _ in ended) / n
+        amplitude = sum(angle_deg(start, end) for start, end, _ in ended) / n
         return SaccadeOffset(
             t_ns=t_ns,
             onset_ns=self._onset_ns,
-            offset_ns=round(sum(end.t_ns for _, end, _ in ways) / n),
+            offset_ns=round(sum(end.t_ns for _, end, _ in ended) / n),
             kind=SaccadeKind.MICROSACCADE if amplitude <= MICROSACCADE_DEG else SaccadeKind.SACCADE,
             amplitude_deg=amplitude,
-            peak_velocity_deg_s=sum(peak for *_, peak in ways) / n,
+            peak_velocity_deg_s=sum(peak for *_, peak in ended) / n,
             azimuth_deg=azimuth,
             elevation_deg=elevation,
         )

@@ -189,13 +189,13 @@ class OneEye:
         azimuth, elevation = (sum(velocity[axis] for velocity in self._run) for axis in (1, 2))
         speed = math.hypot(azimuth, elevation)
         direction = azimuth / speed, elevation / speed
-        ways = [_way(start, place, direction) for place in places[first:]]
+        travel_deg = [_travel_deg(start, place, direction) for place in places[first:]]
         # What the run's velocity makes of a step between two places.
         implied = speed / len(self._run) * (self._filter.half_window + 1) * self._filter.interval_ns * 1e-9
-        if ways[-1] <= _STILL_AWAY * max(*ways, implied):
+        if travel_deg[-1] <= _STILL_AWAY * max(*travel_deg, implied):
             del self._run[0]
             return
-        onset_ns = self._edge_ns([place.t_ns for place in places[first:]], ways, *_ONSET)
+        onset_ns = self._edge_ns([place.t_ns for place in places[first:]], travel_deg, *_ONSET)
         self.movement = Movement(
             onset_ns=onset_ns,
             start=start._replace(t_ns=onset_ns),
@@ -216,8 +216,8 @@ class OneEye:
         back = [place for place in places[at::-1] if place.t_ns >= movement.onset_ns]
         offset_ns = velocity.t_ns
         if back:
-            ways = [-_way(end, place, movement.direction) for place in back]
-            offset_ns = self._edge_ns([place.t_ns for place in back], ways, *_OFFSET)
+            travel_deg = [-_travel_deg(end, place, movement.direction) for place in back]
+            offset_ns = self._edge_ns([place.t_ns for place in back], travel_deg, *_OFFSET)
         self._end(movement, end._replace(t_ns=max(offset_ns, movement.onset_ns)))
         self._overshoot_until_ns = offset_ns + OVERSHOOT_NS
         self._in_overshoot = self._fast(velocity)
@@ -234,14 +234,22 @@ class OneEye:
         return next(at for at in range(len(places) - 1, -1, -1) if places[at].t_ns <= t_ns)
 
     def _edge_ns(
-        self, times_ns: Sequence[int], ways: Sequence[float], low_share: float, high_share: float, reach: float
+        self,
+        times_ns: Sequence[int],
+        travel_deg: Sequence[float],
+        low_share: float,
+        high_share: float,
+        reach: float,
     ) -> int:
-        """When a way, 0 at first, began, or where the times run backwards, ended."""
-        low = max(low_share * max(ways), _EDGE_SIGMAS * self._place_noise_deg())
-        high = max(high_share * max(ways), 2.0 * low)
+        """When a movement, 0 at first, began, or where the times run backwards, ended."""
+        low = max(low_share * max(travel_deg), _EDGE_SIGMAS * self._place_noise_deg())
+        high = max(high_share * max(travel_deg), 2.0 * low)
         if high <= low:
             return times_ns[0]
-        low_ns, high_ns = _crossing_ns(times_ns, ways, low), _crossing_ns(times_ns, ways, high)
+        low_ns, high_ns = (
+            _crossing_ns(times_ns, travel_deg, low),
+            _crossing_ns(times_ns, travel_deg, high),
+        )
         return round(low_ns - reach * (high_ns - low_ns) * low / (high - low))
 
     def _place_noise_deg(self) -> float:
@@ -265,7 +273,7 @@ def _median(places: Sequence[Place]) -> Place:
     )
 
 
-def _way(origin: Place, place: Place, direction: tuple[float, float]) -> float:
+def _travel_deg(origin: Place, place: Place, direction: tuple[float, float]) -> float:
     """How far a place lies from another, in degrees of the sphere along a direction."""
     azimuth = (place.azimuth_deg - origin.azimuth_deg) * math.cos(math.radians(origin.elevation_deg))
     return azimuth * direction[0] + (place.elevation_deg - origin.elevation_deg) * direction[1]
@@ -280,17 +288,17 @@ def _peak_velocity_deg_s(places: Sequence[Place], direction: tuple[float, float]
             later += 1
         if later == len(places):
             break
-        way_deg, time_ns = _way(place, places[later], direction), places[later].t_ns - place.t_ns
+        way_deg, time_ns = _travel_deg(place, places[later], direction), places[later].t_ns - place.t_ns
         peak = max(peak, way_deg / time_ns * 1e9)
     return peak
 
 
-def _crossing_ns(times_ns: Sequence[int], ways: Sequence[float], level: float) -> float:
-    """When the ways rose above a level for good, between samples; the first or last time where they never cross it."""
-    at = len(ways) - 1
-    while at > 0 and ways[at - 1] > level:
+def _crossing_ns(times_ns: Sequence[int], travel_deg: Sequence[float], level: float) -> float:
+    """When the travel rose above a level for good, between samples; the first or last time where it never does."""
+    at = len(travel_deg) - 1
+    while at > 0 and travel_deg[at - 1] > level:
         at -= 1
-    if at == 0 or ways[at] <= level:
+    if at == 0 or travel_deg[at] <= level:
         return times_ns[at]
-    share = (level - ways[at - 1]) / (ways[at] - ways[at - 1])
+    share = (level - travel_deg[at - 1]) / (travel_deg[at] - travel_deg[at - 1])
     return times_ns[at - 1] + share * (times_ns[at] - times_ns[at - 1])

@@ -75,9 +75,9 @@ class BridgeHandler:
             self._pupil_map = None if out is None else Path(out)
             self._log.info("pupil map", file=out)
         if self.light is not None and isinstance(item, Tick) and (light := self.light.newest()) is not None:
-            self.shine(light)
+            self.set_scene_light(light)
 
-    def shine(self, luminance_cd_m2: float) -> None:
+    def set_scene_light(self, luminance_cd_m2: float) -> None:
         """The scene's light from now on."""
         if self.calibration is not None:
             self.calibration.scene_light(luminance_cd_m2, time.monotonic_ns())

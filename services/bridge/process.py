@@ -92,7 +92,7 @@ def run(config: BridgeConfig, stop: Stop, log: structlog.typing.FilteringBoundLo
             stopped=stop,
             on_item=take_in,
             on_record=note,
-            between=control.attend,
+            between=control.serve,
         )
         log.info("ended", states=count, stalls=publisher.stalls, late_samples=chain.late_count)
 
@@ -138,7 +138,7 @@ def _open_session(
         # A pupil that starts in another light than it had would wander for seconds.
         light = handler.light.newest(LIGHT_WITHIN_MS if config.begun_ns is not None else 0)
         if light is not None:
-            handler.shine(light)
+            handler.set_scene_light(light)
     return places
 
 

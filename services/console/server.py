@@ -86,7 +86,7 @@ class Console:
         first += [self.live.settings_message(None), protocol.encode(self.live.status())]
         page.queue([*first, *self.live.kept()])
 
-    async def attend(self, socket: WebSocket, cut: Callable[[], None]) -> None:
+    async def serve(self, socket: WebSocket, cut: Callable[[], None]) -> None:
         """One page, from its coming to its going; `cut` ends its connection at once."""
         page = Page(cut)
         await socket.accept()
@@ -161,7 +161,7 @@ def app(
         await asyncio.gather(running, return_exceptions=True)
 
     async def live(socket: WebSocket) -> None:
-        await console.attend(socket, lambda: cut(socket.scope["client"]))
+        await console.serve(socket, lambda: cut(socket.scope["client"]))
 
     return Starlette(
         routes=[

@@ -63,8 +63,8 @@ def write_glare(folder: Path, cost: GlareCost, notes: Mapping[str, str]) -> str:
         of_scene, title = [row for row in rows if row.scene == scene], f"Glare of one eye: error over time; {scene}"
         path = folder / f"cost-glare-{scene.replace(' ', '-')}.png"
         plots.error_over_time(path, title, of_scene, lambda row: row.effect)
-    ways = (f"{name.replace(' ', '_')}_error_p95_cd_m2" for name in corner.error_cd_m2)
-    _write_csv(folder / "sun-corner.csv", ("from_sun_deg", "truth_cd_m2", *ways), _corner_cells(corner))
+    columns = (f"{name.replace(' ', '_')}_error_p95_cd_m2" for name in corner.error_cd_m2)
+    _write_csv(folder / "sun-corner.csv", ("from_sun_deg", "truth_cd_m2", *columns), _corner_cells(corner))
     plots.sun_corner(folder / "sun-corner.png", corner)
     return text
 

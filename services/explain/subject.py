@@ -120,7 +120,7 @@ def from_session(folder: Path, frame_number: int | None, settings: Settings | No
     eyes = tuple(name.removesuffix(ADAPTED) for name in row if name.endswith(ADAPTED))
     path = folder / "key_frames" / f"{number:06d}_scene.exr"
     if not path.is_file():
-        raise FrameError(f"{path}: the session kept no scene of this frame; render it anew: entoptic session")
+        raise FrameError(f"{path}: the session kept no scene of this frame; render it again: entoptic session")
     fov_deg = float(summary["config"]["view"]["fov_deg"])
     # Both eyes' images lie side by side.
     images = np.stack(np.split(image_file.read(path).rgb, len(eyes), axis=2))
@@ -142,7 +142,7 @@ def from_session(folder: Path, frame_number: int | None, settings: Settings | No
 def _key_frame(folder: Path, wanted: int | None) -> int:
     kept = [int(each["frame"]) for each in _json(folder / KEY_FRAMES)]
     if not kept:
-        raise FrameError(f"{folder / KEY_FRAMES} names no frame; render the session anew: entoptic session")
+        raise FrameError(f"{folder / KEY_FRAMES} names no frame; render the session again: entoptic session")
     return kept[len(kept) // 2] if wanted is None else min(kept, key=lambda number: abs(number - wanted))
 
 

@@ -19,7 +19,7 @@ Request = TypeVar("Request")
 
 
 class RequestHandler(Generic[Request]):
-    """`attend` it now and then, always from the same thread.
+    """`serve` it now and then, always from the same thread.
 
     Raises PortInUseError, and OpenAddressError for an address that is not local unless there are keys.
     """
@@ -53,7 +53,7 @@ class RequestHandler(Generic[Request]):
         """Where requests are to be sent."""
         return self._socket.getsockopt_string(zmq.LAST_ENDPOINT)
 
-    def attend(self, wait_ms: int = 0) -> None:
+    def serve(self, wait_ms: int = 0) -> None:
         """Answers one request that has come: whoever asks without end holds nothing up. Where none has: 9 µs."""
         if self._socket.poll(wait_ms):
             reply = self._answer(b"".join(self._socket.recv_multipart()))

@@ -21,7 +21,7 @@ import msgspec
 
 from entoptic.services.process import STOPS_WITHIN_S
 
-SPOKEN_LINES = 20
+OUTPUT_LINES = 20
 """What a process says without being a log, as a traceback: the last of it is kept."""
 
 
@@ -33,7 +33,7 @@ class Child:
         self.name = name
         self.started_s = time.monotonic()
         self._messages: queue.Queue[dict[str, Any]] = queue.Queue()
-        self._spoken: list[str] = []
+        self._output: list[str] = []
         self._process = subprocess.Popen(
             [sys.executable, "-P", "-m", "entoptic.services.child", name],
             stdin=subprocess.PIPE,
@@ -63,7 +63,7 @@ class Child:
             if message is not None:
                 self._messages.put({"process": self.name, "pid": self.pid, **message})
             else:
-                self._spoken = [*self._spoken[1 - SPOKEN_LINES :], line.rstrip()]
+                self._output = [*self._output[1 - OUTPUT_LINES :], line.rstrip()]
 
     def drain(self) -> Iterator[dict[str, Any]]:
         """The log's messages that have come since the last call, with the process's name and pid."""
@@ -79,15 +79,15 @@ class Child:
         return code
 
     @property
-    def spoken(self) -> tuple[str, ...]:
+    def output(self) -> tuple[str, ...]:
         """The last lines that it said beside its log."""
-        return tuple(self._spoken)
+        return tuple(self._output)
 
     def ending(self, error: str | None) -> str:
         """How it ended, in its own words: `error` is the last error in its log."""
         code = self._process.returncode
         how = f"signal {-code}" if code is not None and code < 0 else f"exit status {code}"
-        return f"({how}): {error or (self._spoken[-1] if self._spoken else 'it said nothing')}"
+        return f"({how}): {error or (self._output[-1] if self._output else 'it said nothing')}"
 
     def ask_to_stop(self) -> None:
         """Closes its standard input."""

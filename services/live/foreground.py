@@ -29,7 +29,7 @@ def session(opened: OpenedSession, final: Path, web: Web | None, stop: Stop, con
     with _host(final.parent, web, console) as host:
         kept = host.begin(opened, record_to=final)
         console.print("[dim]Ctrl-C ends it[/dim]")
-        _attend(host, stop, console, lambda: host.session is kept)
+        _serve(host, stop, console, lambda: host.session is kept)
         if kept.last_folder is not None:
             console.print(f"results: [b]{escape(str(kept.last_folder))}[/b]", soft_wrap=True)
             if (kept.last_folder / REPORT).exists():
@@ -48,7 +48,7 @@ def session(opened: OpenedSession, final: Path, web: Web | None, stop: Stop, con
 def idle(web: Web, stop: Stop, console: Console) -> None:
     """Runs whatever the console asks for, until asked to stop."""
     with _host(Path(web.folders.root), web, console) as host:
-        _attend(host, stop, console, lambda: True)
+        _serve(host, stop, console, lambda: True)
         _leave_at_once_if_busy(host, 0)
 
 
@@ -66,7 +66,7 @@ def _host(root: Path, web: Web | None, console: Console) -> Iterator[Host]:
         yield host
 
 
-def _attend(host: Host, stop: Stop, console: Console, goes_on: object) -> None:
+def _serve(host: Host, stop: Stop, console: Console, goes_on: object) -> None:
     assert callable(goes_on)
     context: zmq.Context[zmq.Socket[bytes]] = zmq.Context()
     watching: tuple[str, ShownReader] | None = None

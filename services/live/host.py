@@ -170,7 +170,7 @@ class Host:
 
     def turn(self, wait_ms: int = TURN_MS) -> None:
         """One turn of the loop; returns after that time at the latest where there is nothing to do."""
-        self._control.attend(wait_ms)
+        self._control.serve(wait_ms)
         if self._web is not None:
             self._web.step()
         if self._checking is not None and self._checking.done():

@@ -113,8 +113,8 @@ class Supervised:
         child, self._child = self._child, None
         why = f"it ended by itself {child.ending(self._error)}"
         now_s = time.monotonic()
-        if child.spoken and code != 0:
-            self._journal.say("spoken", child=self.name, lines=child.spoken)
+        if child.output and code != 0:
+            self._journal.say("output", child=self.name, lines=child.output)
         child.end(0.0)
         if self._kill_at_s is not None or (code == 0 and self.ended is not None):
             self.state = "stopped"

@@ -12,7 +12,7 @@ from types import TracebackType
 
 
 class Appended:
-    """A context; opened anew it goes on at its end. Raises OSError where it cannot be written.
+    """A context; opened again it goes on at its end. Raises OSError where it cannot be written.
 
     Each record is one write that nothing buffers, so that a process that is killed loses none. One that does not fit
     on the disk is taken back.

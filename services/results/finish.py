@@ -38,7 +38,7 @@ def finish(folder: Path) -> dict[str, Any]:
     film: name of the film, None without one
     film_begins_s: when its first frame was due, in the tables' time
     settings_changed_s: when settings changed, in the tables' time
-    restarted_s: when a worker that was started anew rendered its first frame
+    restarted_s: when a worker that was started again rendered its first frame
     folder_notes: what could not be had, a sentence each
     """
     notes: list[str] = []

@@ -105,7 +105,7 @@ class Results(contextlib.ExitStack):
         self._display = perception.display
 
     def resume(self, record: Resumed) -> None:
-        """From here on it is what a worker that was started anew rendered."""
+        """From here on it is what a worker that was started again rendered."""
         self._record(record)
         self._zero_s, self._display, self._first = record.zero_s, record.perception.display, None
         self._hash = hashlib.sha256(self.digest)

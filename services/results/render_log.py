@@ -4,7 +4,7 @@ Theory of operation: a frame is a function of the scene, of settings, of what th
 and of what came from outside: the time, the head, what the bridge said, and, where the cost model follows the machine,
 how long each part took. The file begins with the first three and then has what came from outside, a msgpack map a
 frame. It only ever grows, one write a record, so that a worker that is killed loses the frame in hand and no more; what
-it had written of that one is left out on reading. A worker that was started anew says what it remembered.
+it had written of that one is left out on reading. A worker that was started again says what it remembered.
 """
 
 from __future__ import annotations
@@ -89,7 +89,7 @@ class Perceive(msgspec.Struct, frozen=True, tag_field="is", tag="perceive"):
 
 
 class Resumed(msgspec.Struct, frozen=True, tag_field="is", tag="resumed"):
-    """A worker was started anew, and remembered this much."""
+    """A worker was started again, and remembered this much."""
 
     zero_s: float
     """As of Begun: a worker that remembered nothing counts its own time."""

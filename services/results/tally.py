@@ -46,8 +46,8 @@ class WorkerSummary(msgspec.Struct, frozen=True):
     reception: Reception | None
     """None where it was lost with the worker."""
     perceived_sha256: str
-    """Of all perceived frames' code values, in order; a worker that was started anew in between goes on from the digest
-    so far."""
+    """Of all perceived frames' code values, in order; a worker that was started again in between goes on from the
+    digest so far."""
     median_ms: dict[str, float]
     """Of each part, over the frames in which it ran."""
     share_of_frames: dict[str, float]

@@ -36,7 +36,7 @@ QUEUE = 12
 all messages of a frame, two kernels among them, for a reader that keeps up."""
 MAX_SUBSCRIPTION_BYTES = 1024
 """Nobody has more to say to a publisher; a connection that sends a longer message is closed."""
-ATTENDED = 1000
+SUBSCRIPTIONS_AT_ONCE = 1000
 """Subscriptions taken in at once: whoever subscribes without end holds no frame up for long."""
 LINGER_MS = 200
 """What is queued at the end has so long to leave."""
@@ -121,7 +121,7 @@ class LivePublisher:
         `eyes` are those of the frame's images, `t_ns` is when it was begun, `latency` is what it is by now, `sink_ms`
         what keeping it took.
         """
-        self.attend()
+        self.take_subscriptions()
         display = settings.display
         milliseconds = {"scene": rendered.scene_ms, **{str(k): v for k, v in rendered.perceived.milliseconds.items()}}
         if self.wants(messages.PERCEIVED):
@@ -172,13 +172,13 @@ class LivePublisher:
             frame = engine.engine_frame(rendered, eyes, settings, settings.display, numbers, t_ns)
             self._send(messages.ENGINE, frame)
 
-    def attend(self) -> None:
+    def take_subscriptions(self) -> None:
         """Takes in who came, went and subscribed; `show` does so too."""
-        for _ in range(ATTENDED):
+        for _ in range(SUBSCRIPTIONS_AT_ONCE):
             if not self._socket.poll(0, zmq.POLLIN):
                 break
             self._note(self._socket.recv())
-        for _ in range(ATTENDED):
+        for _ in range(SUBSCRIPTIONS_AT_ONCE):
             if not self._connections.poll(0):
                 break
             happened = recv_monitor_message(self._connections)

@@ -65,7 +65,7 @@ class WorkerRequests:
     def _listen(self) -> None:
         try:
             while not self._over.is_set():
-                self._control.attend(TURN_MS)
+                self._control.serve(TURN_MS)
         finally:
             self._control.close()
 

@@ -62,7 +62,7 @@ class Attended:
 
     def _attend(self) -> None:
         while not self._over.wait(0.005):
-            self.control.attend()
+            self.control.serve()
 
     def close(self) -> None:
         self._over.set()
@@ -148,7 +148,7 @@ def test_whoever_asks_without_end_does_not_hold_the_bridge_up() -> None:
         control.close()
         socket = Insistent()
         control._socket = socket  # type: ignore[assignment]
-        control.attend()
+        control.serve()
         assert socket.answered == 1
 
 
@@ -177,7 +177,7 @@ def test_a_client_goes_on_after_a_request_that_nobody_answered() -> None:
             client.send(StartTrackerRecording("mine"))
             reply = None
             while reply is None:  # the late reply to the first one is dropped
-                handler.attend(20)
+                handler.serve(20)
                 reply = client.poll(20)
             assert "start tracker recording" in reply.reply
             assert client.request is None

@@ -90,7 +90,7 @@ def until(publisher: LivePublisher, condition: Callable[[], bool]) -> None:
     deadline = time.monotonic() + PATIENCE_MS / 1e3
     while not condition():
         assert time.monotonic() < deadline
-        publisher.attend()
+        publisher.take_subscriptions()
         time.sleep(0.002)
 
 

@@ -143,7 +143,7 @@ class MadeUpSession:
             if sequence % 4 == 0:
                 self._publish_frame()
             for control in self.controls:
-                control.attend()
+                control.serve()
 
     def _events(self) -> None:
         now = time.monotonic_ns()
