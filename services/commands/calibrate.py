@@ -135,7 +135,8 @@ def calibrate(
         words, found = BEGIN_WORDS, False
         for number in range(1, repeats + 1):
             # What came of the last run stays in sight until the next one starts.
-            calibration.begin(request, words)
+            if not (begun := calibration.begin(request, words)).done:
+                raise CalibrationError(begun.reply)
             outcome = _follow(calibration, items, opened.info.name, protocol.seconds, stop)
             words, found = outcome.words, found or outcome.found is not None
             _print_outcome(outcome, f"run {number} of {repeats}" if repeats > 1 else None)

@@ -1,6 +1,7 @@
 """`entoptic calibrate` as a process: what it prints, leaves and returns."""
 
 import io
+import shutil
 import signal
 import subprocess
 import sys
@@ -14,6 +15,7 @@ from typer.testing import CliRunner
 
 from entoptic.services.calibration import display as displays
 from entoptic.services.calibration.display import NoDisplay
+from entoptic.services.calibration.outcome import Outcome
 from entoptic.services.calibration.pupil_calibration import BEGIN_WORDS, PupilCalibration
 from entoptic.services.calibration.run import Room
 from entoptic.services.commands import calibrate as commands
@@ -104,6 +106,24 @@ def test_what_came_of_a_run_stays_in_sight_until_the_next_one_starts(
     done = told[2][0]
     assert "Done, thank you" in done
     assert told[2:] == [(done, False), (done, True), (done, False)]
+
+
+def test_a_folder_that_goes_between_two_runs_is_named(
+    tmp_path: Path, said: Callable[[], str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    folder = tmp_path / "results"
+    folder.mkdir()
+
+    def printed(outcome: Outcome, title: str | None) -> None:
+        shutil.rmtree(folder)
+
+    monkeypatch.setattr(commands, "_print_outcome", printed)
+    app = typer.Typer()
+    app.command()(commands.calibrate)
+    arguments = ["--out", str(folder / "p.toml"), "--fast", "--protocol", "luidolt", "--repeats", "2"]
+    refused = CliRunner().invoke(app, arguments).exception
+    assert isinstance(refused, CalibrationError)
+    assert "is no folder" in str(refused)
 
 
 def test_ctrl_c_changes_nothing(tmp_path: Path) -> None:
