@@ -107,28 +107,16 @@ class PupilCalibration:
     def scene_light(self, luminance_cd_m2: float, t_ns: int) -> None:
         """What simulated eyes see of the scene from a time on, while they do not see the screens."""
         self._scene_cd_m2 = luminance_cd_m2
-        if self._room.eyes is not None and not self.before_screens:
+        before_screens = self._run is not None and self._run.stage is not Stage.READY
+        if self._room.eyes is not None and not before_screens:
             self._room.eyes.set_luminance(luminance_cd_m2, t_ns)
-
-    @property
-    def before_screens(self) -> bool:
-        """Whether the eyes look at the screens instead of the scene."""
-        return self._run is not None and self._run.stage is not Stage.READY
 
     def status(self) -> dict[str, Any] | None:
         """How far it is; None while none runs. `display`: whether one is connected."""
         run = self._run
         if run is None:
             return None if self._concluding is None else {**self._last_status, "stage": WORKING_OUT}
-        return {
-            "stage": run.stage.value,
-            "screen": run.screen.value,
-            "step": run.step_number,
-            "steps": len(run.protocol.steps),
-            "seconds_done": run.seconds_done(self._now_ns),
-            "seconds": run.protocol.seconds,
-            "display": self._display.connected,
-        }
+        return {**run.status(self._now_ns), "display": self._display.connected}
 
     def result(self) -> dict[str, Any] | None:
         """The outcome for a page: what `Outcome` says, `ok`, and the file as `out`."""

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Iterator, Sequence
-from typing import Protocol
+from typing import Any, Protocol
 
 import msgspec
 
@@ -104,21 +104,18 @@ class CalibrationRun:
         """Whether nothing more is going to happen."""
         return self.stage.is_final
 
-    @property
-    def screen(self) -> Screen:
-        """What the display shows, or is asked to show."""
-        return self._calibration.step.screen if self.stage in (Stage.WAITING, Stage.SHOWING) else Screen.GREY
-
-    @property
-    def step_number(self) -> int:
-        """Which screen it is at, from 1; 0 before the first."""
-        if self.stage is Stage.READY:
-            return 0
-        return min(len(self._calibration.shown_screens) + 1, len(self.protocol.steps))
-
-    def seconds_done(self, now_ns: int) -> float:
-        """How much of the protocol is over."""
-        return self._calibration.seconds_done(now_ns)
+    def status(self, now_ns: int) -> dict[str, Any]:
+        """How far it is. `step`: which screen it is at, from 1; 0 before the first."""
+        one, steps = self._calibration, self.protocol.steps
+        is_on = one.stage in (Stage.WAITING, Stage.SHOWING)
+        return {
+            "stage": one.stage.value,
+            "screen": (one.step.screen if is_on else Screen.GREY).value,
+            "step": 0 if one.stage is Stage.READY else min(len(one.shown_screens) + 1, len(steps)),
+            "steps": len(steps),
+            "seconds_done": one.seconds_done(now_ns),
+            "seconds": self.protocol.seconds,
+        }
 
     def recorded(self) -> Recorded:
         """What it leaves."""
