@@ -46,7 +46,7 @@ def main(rounds: int = 9) -> None:
     """Prints the tables, and how far each way of summing is from the exact sum."""
     prepare_jax()
     for n, rgb_only in ((2048, False), (1024, True)):
-        plane = aperture.pupil_plane(Observer(gratings=0 if rgb_only else 200), aperture.Pose(5.0), n)
+        plane = aperture.pupil_plane(Observer(gratings=0 if rgb_only else 9000), aperture.Pose(5.0), n)
         host_plane, psf = np.asarray(plane), np.asarray(diffraction.point_spread(plane))
         sides = f"{n}×{n}"
 

@@ -37,6 +37,20 @@ class OcularDynamics(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     ] = False
 
 
+class ScatterShares(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """How much of the light that an eye scatters each of its parts does (RIT Table 1), in proportion to each other.
+
+    How much light that is in all, age and iris say. Particles too fine to be drawn one by one follow their part: those
+    of the cornea stay where they are, those of lens and vitreous move with them. What the retina scatters is smooth,
+    what the others do is made of needles.
+    """
+
+    cornea: Annotated[Share, described("The cornea's: 25–30 % (RIT Table 1).")] = 0.275
+    lens: Annotated[Share, described("The lens': 40 % (RIT Table 1).")] = 0.40
+    vitreous: Annotated[Share, described("The vitreous': 10 % (RIT Table 1).")] = 0.10
+    retina: Annotated[Share, described("The retina's: 20 % (RIT Table 1).")] = 0.20
+
+
 class Observer(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """The optics of one person's eyes."""
 
@@ -67,7 +81,9 @@ class Observer(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         float,
         described("Standard deviation of the logarithm of their diameters; 0: all alike, as in LUI.", ge=0.0, le=1.0),
     ] = 0.0
-    gratings: Annotated[int, described("Patches of lens fibres that make the halo (RIT 3.3).", ge=0, le=2000)] = 200
+    gratings: Annotated[
+        Count, described("Patches of a few lens fibres each that make the halo, which is as strong as they are many.")
+    ] = 9000
     cornea_cells: Annotated[Count, described("Flat cells of 15 µm in the cornea that scatter (RIT 3.1).")] = 5400
     vitreous_particles: Annotated[
         Count,
@@ -96,4 +112,5 @@ class Observer(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         float, described("Error of accommodation or refraction in dioptres; 0: in focus.", ge=-8.0, le=8.0, first=True)
     ] = 0.0
     seed: Annotated[int, described("Which of all eyes with these statistics.", ge=0)] = 0
+    scatter: ScatterShares = ScatterShares()
     ocular_dynamics: OcularDynamics = OcularDynamics()

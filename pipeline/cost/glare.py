@@ -211,11 +211,11 @@ def _settings(effort: Effort, rounds: int) -> Iterator[tuple[list[Setting], int]
 def _pupil(pupil_diameter_mm: float, scene: CostScene, rounds: int, done: Callable[[str], None]) -> list[Row]:
     """A kernel blended of two pupils' against one made for the pupil."""
     pose, mm = Pose(pupil_diameter_mm), f"{pupil_diameter_mm:g} mm"
-    truth = np.asarray(_image(_new(OBSERVER, pose, double=True))(scene))
+    truth = np.asarray(_image(_new(OBSERVER, pose, double=True, wavelengths=None))(scene))
     done(mm)
     pair = [
         Setting(f"two pupils blended, {mm}", [PUPILS], _image(_at_hand(pose))),
-        Setting(f"made for the pupil, {mm}", [PUPILS], _image(_new(OBSERVER, pose))),
+        Setting(f"made for the pupil, {mm}", [PUPILS], _image(_new(OBSERVER, pose, wavelengths=None))),
     ]
     return compare(pair, scene, truth, f"float64, {mm}", rounds, done)
 
@@ -247,7 +247,8 @@ def _glare(
 
 
 def _new(observer: Observer, pose: Pose, **settings: Any) -> Kernel:
-    """A kernel made anew at every call."""
+    """A kernel made anew at every call, of `WAVELENGTHS` unless said otherwise."""
+    settings = {"wavelengths": WAVELENGTHS} | settings
 
     def kernel(scene: CostScene) -> tuple[Mixture, Observer, Pose]:
         return ((wave_component(observer, pose, scene.frame.view.ppd_centre, **settings), 1.0),), observer, pose

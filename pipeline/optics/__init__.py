@@ -7,7 +7,9 @@ aperture.py       the pupil plane: how all that shades it stands at one moment
 ocular_dynamics.py         what moves from frame to frame
   microfluctuations.py lens_springs.py vitreous_motion.py value_noise.py damped.py
 focus.py          the phase of a pupil out of focus
-diffraction.py    the pupil plane's monochromatic point-spread function
+diffraction.py    from pupil plane to retina at one wavelength
+fine_scatter.py   particles finer than the plane's samples, and their needles (straylight.py)
+monochromatic.py  one eye's function at one wavelength, of all this
 light_spectra.py  what each wavelength contributes to the frame's channels
 spectrum.py       the monochromatic function at all wavelengths, over display pixels
 analytic.py       measured point-spread functions as closed formulas, and their transfer functions

@@ -11,10 +11,8 @@ import functools
 import math
 from dataclasses import dataclass
 
-import jax
-import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Complex, Float
+from jaxtyping import Complex, Float
 
 from entoptic.pipeline.observer import Observer
 from entoptic.pipeline.optics import OpticsError, cornea, coverage, focus, lens, lids, vitreous
@@ -26,9 +24,6 @@ PUPIL_RANGE_MM = (2.0, 8.0)
 BLOCKED_LIMIT = 0.5
 """Share of the plane that particles may block. Engineering choice: the average eye has 4 %; beyond a half, a cataract,
 single scattering is no model any more, and some pupil would pass nothing."""
-
-XLA_ALIGNMENT = 64
-"""Bytes to whose multiples XLA wants arrays aligned, if it is to use them where they are."""
 
 
 @dataclass(frozen=True)
@@ -65,40 +60,50 @@ def legal_pupil_diameter_mm(pupil_diameter_mm: float) -> float:
     return min(max(low, pupil_diameter_mm), high)
 
 
-def pupil_plane(
-    observer: Observer, pose: Pose, n: int = 2048, wavelength_nm: float | None = None
-) -> Complex[Array, "n n"]:
-    """Complex transmittance of everything in this observer's eye at this moment, complex64.
+def pupil_plane(observer: Observer, pose: Pose, n: int = 2048) -> Complex[np.ndarray, "n n"]:
+    """Complex transmittance of everything in this observer's eye at this moment, in focus; complex64.
+
+    Raises OpticsError as `pupil_box` does.
+    """
+    return placed(pupil_box(observer, pose, n), n)
+
+
+def placed(box: Complex[np.ndarray, "m m"], n: int) -> Complex[np.ndarray, "n n"]:
+    """The plane whose middle is the box, m odd; dark around it."""
+    plane = np.zeros((n, n), box.dtype)
+    part = _middle(n, len(box))
+    plane[part, part] = box
+    return plane
+
+
+def pupil_box(
+    observer: Observer, pose: Pose, n: int, wavelength_nm: float | None = None, *, vitreous_apart: bool = False
+) -> Complex[np.ndarray, "m m"]:
+    """Of that plane the middle, which is all that the pupil shows: m is odd, and the axis its middle sample.
 
     With the phase that the eye's defocus has at a wavelength; without one, as if it were in focus. Parts that do not
-    move are drawn once. The vitreous lies in the same plane as all else (RIT 5).
+    move are drawn once. The vitreous lies in the same plane as all else (RIT 5) unless it is left to `later_planes`.
     Raises OpticsError if the grid is too coarse for lens fibres or the phase, or the particles block too much.
     """
-    shown = _pupil(observer, pose, n)
-    if pose.parts_at_rest:
-        return _onto_device(_resting(_anatomy(observer), n), shown, pose, wavelength_nm)
+    shown = opening(observer, pose, n)
+    if pose.parts_at_rest and not vitreous_apart:
+        return _product(_resting(_anatomy(observer), n), shown, pose, n, wavelength_nm)
     lens.shade(shown, PLANE_M / n, observer, pose.lens_m)
-    vitreous.shade(shown, PLANE_M / n, observer, pose.vitreous_deg)
-    return _onto_device(_still(_anatomy(observer), n), shown, pose, wavelength_nm)
+    if not vitreous_apart:
+        vitreous.shade(shown, PLANE_M / n, observer, pose.vitreous_deg)
+    return _product(_still(_anatomy(observer), n), shown, pose, n, wavelength_nm)
 
 
-def planes(
-    observer: Observer, pose: Pose, n: int = 2048, wavelength_nm: float | None = None
-) -> tuple[Complex[Array, "n n"], tuple[tuple[Complex[Array, "n n"], float]]]:
-    """The plane of the pupil, and the later ones with their distances behind it in metres, for exact propagation.
+def later_planes(observer: Observer, pose: Pose, n: int) -> tuple[tuple[Float[np.ndarray, "n n"], float]]:
+    """What lies behind the pupil with its distance in metres, for exact propagation.
 
-    Later ones: one, the vitreous' particles, all at the depth of its centre. In coordinates of the pupil, complex64;
-    their shadows are those that fall along the axis onto the pupil (RIT 5), in both models: in place, where the beam
-    has narrowed to 0.41, they would be as much narrower. Defocus turns the phase at the pupil: what lies behind it
-    stands in a beam that converges elsewhere.
-    Raises OpticsError as `pupil_plane` does.
+    The vitreous' particles, all at the depth of its centre. In coordinates of the pupil, float32; their shadows are
+    those that fall along the axis onto the pupil (RIT 5), in both models: in place, where the beam has narrowed to
+    0.41, they would be as much narrower.
     """
-    shown = _pupil(observer, pose, n)
-    lens.shade(shown, PLANE_M / n, observer, pose.lens_m)
     later = np.ones((n, n), np.float32)
     vitreous.shade(later, PLANE_M / n, observer, pose.vitreous_deg)
-    first = _onto_device(_still(_anatomy(observer), n), shown, pose, wavelength_nm)
-    return first, ((jnp.asarray(later, jnp.complex64), vitreous.DEPTH_M),)
+    return ((later, vitreous.DEPTH_M),)
 
 
 def blocked_share(observer: Observer) -> float:
@@ -108,7 +113,7 @@ def blocked_share(observer: Observer) -> float:
     return float((particles + observer.cornea_cells * cornea.CELL_M**2) / PLANE_M**2)
 
 
-def _pupil(observer: Observer, pose: Pose, n: int) -> Float[np.ndarray, "m m"]:
+def opening(observer: Observer, pose: Pose, n: int) -> Float[np.ndarray, "m m"]:
     """The pupil behind the lids, on the part of the grid around the origin that it reaches."""
     dx_m = PLANE_M / n
     shown = coverage.disc(pose.diameter_m, 2 * math.ceil(pose.diameter_m / 2 / dx_m) + 1, dx_m)
@@ -155,20 +160,21 @@ def _resting(observer: Observer, n: int) -> Complex[np.ndarray, "n n"]:
     return still * clear
 
 
-def _onto_device(
-    still: Complex[np.ndarray, "n n"], shown: Float[np.ndarray, "m m"], pose: Pose, wavelength_nm: float | None
-) -> Complex[Array, "n n"]:
-    """The product, 0 where nothing is shown; only there does its phase matter.
-
-    Made at an address that XLA takes over as it is: on the processor this is four times faster than a copy.
-    """
-    n, m = len(still), len(shown)
-    memory = np.zeros(n * n + XLA_ALIGNMENT // 8, np.complex64)
-    skipped = -memory.ctypes.data % XLA_ALIGNMENT // 8
-    plane = memory[skipped : skipped + n * n].reshape(n, n)
-    part = slice(n // 2 - m // 2, n // 2 + m // 2 + 1)
-    box = plane[part, part]
-    np.multiply(still[part, part], shown, out=box)
+def _product(
+    still: Complex[np.ndarray, "n n"],
+    shown: Float[np.ndarray, "m m"],
+    pose: Pose,
+    n: int,
+    wavelength_nm: float | None,
+) -> Complex[np.ndarray, "m m"]:
+    """All that is shown, with its phase."""
+    part = _middle(n, len(shown))
+    box = np.asarray(still[part, part] * shown)
     if pose.defocus_d and wavelength_nm is not None:
         focus.turn(box, n, pose.defocus_d, pose.diameter_m, wavelength_nm)
-    return jax.device_put(plane)
+    return box
+
+
+def _middle(n: int, m: int) -> slice:
+    """Where the middle m samples of n lie, m odd."""
+    return slice(n // 2 - m // 2, n // 2 + m // 2 + 1)

@@ -16,8 +16,12 @@ STREAM = 1
 
 def shade(transmittance: Float[np.ndarray, "n n"], dx_m: float, observer: Observer) -> None:
     """Puts the cells before the plane, in place: opaque discs, uniformly over the plane's inscribed disc."""
-    random = np.random.default_rng([observer.seed, STREAM])
-    distance_m = coverage.PLANE_M / 2 * np.sqrt(random.random(observer.cornea_cells))
-    azimuth = random.random(observer.cornea_cells) * 2 * np.pi
-    radius_m = np.full(observer.cornea_cells, CELL_M / 2)
-    coverage.shade_discs(transmittance, dx_m, distance_m * np.cos(azimuth), distance_m * np.sin(azimuth), radius_m)
+    x_m, y_m = places_m(np.random.default_rng([observer.seed, STREAM]), observer.cornea_cells)
+    coverage.shade_discs(transmittance, dx_m, x_m, y_m, np.full(observer.cornea_cells, CELL_M / 2))
+
+
+def places_m(random: np.random.Generator, count: int) -> tuple[Float[np.ndarray, " cell"], Float[np.ndarray, " cell"]]:
+    """Places right of and below the axis, uniformly over the plane's inscribed disc."""
+    distance_m = coverage.PLANE_M / 2 * np.sqrt(random.random(count))
+    azimuth = random.random(count) * 2 * np.pi
+    return distance_m * np.cos(azimuth), distance_m * np.sin(azimuth)

@@ -8,12 +8,12 @@ further (Sziklai 1981; Talanov 1970), so that every plane has the same samples a
 from __future__ import annotations
 
 import math
+import os
 from collections.abc import Sequence
 
-import jax
-import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Complex, Float
+import scipy.fft
+from jaxtyping import Complex, Float
 
 from entoptic.pipeline.optics import OpticsError
 from entoptic.pipeline.optics.aperture import PLANE_M
@@ -32,18 +32,34 @@ def bin_deg(wavelength_nm: float) -> float:
     return math.degrees(wavelength_nm * 1e-9 / PLANE_M)
 
 
-@jax.jit
-def point_spread(plane: Complex[Array, "n n"]) -> Float[Array, "n n"]:
+def field_of(plane: Complex[np.ndarray, "k k"], n: int | None = None) -> Complex[np.ndarray, "n n"]:
+    """FFT of a pupil plane, or of the lit part of one of n × n samples; the direction of the light itself is first."""
+    size = len(plane) if n is None else n
+    return np.asarray(scipy.fft.fft2(plane, (size, size), workers=os.cpu_count()))
+
+
+def point_spread(plane: Complex[np.ndarray, "k k"], n: int | None = None) -> Float[np.ndarray, "n n"]:
     """|FFT|² of the pupil plane, its sum 1, the direction of the light itself at sample n/2 (KRI 3.18, LUI 5.11).
 
     Each sample is the share of the light that falls within λ/W × λ/W radians around its direction. float32 for a
     complex64 plane, float64 for a complex128 one. All 0 for a plane through which no light comes.
     """
-    field = jnp.fft.fft2(plane)
+    return intensity(field_of(plane, n))
+
+
+def power(field: Complex[np.ndarray, "k k"]) -> float:
+    """Sum of squares."""
+    return float(np.square(field.real).sum() + np.square(field.imag).sum())
+
+
+def intensity(field: Complex[np.ndarray, "n n"]) -> Float[np.ndarray, "n n"]:
+    """The light of a field, its sum 1, its first sample moved to n/2."""
     # Real and imaginary part apart: the modulus would take a root only to square it again.
-    intensity = field.real**2 + field.imag**2
-    total = jnp.sum(intensity)
-    return jnp.fft.fftshift(intensity) / jnp.where(total > 0, total, 1)
+    light = np.square(field.real)
+    light += np.square(field.imag)
+    total = float(light.sum(axis=1).sum(dtype=np.float64))
+    light *= 1 / total if total > 0 else 0
+    return np.asarray(scipy.fft.fftshift(light))
 
 
 def collimated_m(distance_m: float) -> float:
@@ -60,10 +76,10 @@ def collimated_m(distance_m: float) -> float:
 
 
 def through_planes(
-    first: Complex[Array, "n n"],
-    later: Sequence[tuple[Complex[Array, "n n"], float]],
+    first: Complex[np.ndarray, "n n"],
+    later: Sequence[tuple[Float[np.ndarray, "n n"] | Complex[np.ndarray, "n n"], float]],
     wavelength_nm: float = WAVELENGTH_NM,
-) -> Complex[Array, "n n"]:
+) -> Complex[np.ndarray, "n n"]:
     """The pupil plane that has the diffraction pattern of planes one behind another.
 
     `later` are transmittances in pupil coordinates with their distances behind the pupil in metres of vitreous,
@@ -95,10 +111,10 @@ def through_planes(
     return field
 
 
-@jax.jit
-def _travel(field: Complex[Array, "n n"], turns: Float[Array, ""] | float) -> Complex[Array, "n n"]:
+def _travel(field: Complex[np.ndarray, "n n"], turns: float) -> Complex[np.ndarray, "n n"]:
     """Fresnel's transfer function exp(−iπ·λz·f²) on a field; `turns` is λz/W², so that f counts bins."""
-    n = field.shape[0]
-    f = jnp.fft.fftfreq(n, 1 / n)
-    line = jnp.exp(-1j * np.pi * turns * f**2).astype(field.dtype)
-    return jnp.fft.ifft2(jnp.fft.fft2(field) * line[:, None] * line[None, :])
+    n = len(field)
+    f = np.fft.fftfreq(n, 1 / n)
+    line = np.exp(-1j * np.pi * turns * f**2).astype(field.dtype)
+    spread = field_of(field) * line[:, None] * line
+    return np.asarray(scipy.fft.ifft2(spread, workers=os.cpu_count()))

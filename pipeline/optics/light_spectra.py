@@ -26,6 +26,11 @@ WAVELENGTHS = 32
 """As many as RIT 4 sums."""
 WAVELENGTHS_RANGE = (4, 128)
 """Engineering choice: under four bands a halo has fewer colours than the display, over 128 nothing changes any more."""
+PER_PIXEL_PER_DEG, FEWEST = 2.6, 24
+"""How many wavelengths a kernel needs for each pixel per degree. Neighbouring copies of what lies at an angle θ are
+θ·Δλ/λ apart, at the halo's 3.1° that is 2.1° over their number, and should be closer than a pixel. Engineering choice:
+the halo's pixels are then within 1 % (root mean square) of what 128 wavelengths make, from 5 to 60 pixels per degree;
+the halo itself needs 24."""
 
 Wavelengths = NDArray[np.float64]
 
@@ -90,6 +95,11 @@ def primaries() -> tuple[Wavelengths, Float[np.ndarray, "nm 3"]]:
     spectra = spectra @ np.linalg.inv(rgb_of_watt.T @ spectra)
     spectra.flags.writeable = False
     return nm, spectra
+
+
+def wavelengths_for(pixels_per_deg: float) -> int:
+    """How many wavelengths a kernel of so many pixels per degree needs."""
+    return min(max(math.ceil(PER_PIXEL_PER_DEG * pixels_per_deg), FEWEST), WAVELENGTHS_RANGE[1])
 
 
 def primary_weights(

@@ -18,10 +18,10 @@ from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import scipy.sparse
-from jaxtyping import Array, Complex, Float
+from jaxtyping import Float
 from numpy.typing import NDArray
 
-from entoptic.pipeline.optics.diffraction import bin_deg, point_spread
+from entoptic.pipeline.optics.diffraction import bin_deg
 from entoptic.pipeline.optics.light_spectra import RANGE_NM
 
 ROWS = 32
@@ -35,7 +35,7 @@ def kernel_radius_px(n: int, pixels_per_deg: float) -> int:
 
 
 def scaled_kernel(
-    psf: Float[Array, "n n"] | Float[np.ndarray, "n n"],
+    psf: Float[np.ndarray, "n n"],
     nm: Float[np.ndarray, "wavelength"],
     weights: Float[np.ndarray, "wavelength *c"],
     pixels_per_deg: float,
@@ -50,15 +50,13 @@ def scaled_kernel(
     within ±½) away from the centre of the middle pixel. With `taper`, see `tapered`. The arithmetic has the precision
     of `psf`; nothing is clipped, so a channel is negative where a wavelength lies outside the gamut.
     """
-    light = np.asarray(psf)
-    if taper is not None:
-        light = tapered(light, taper)
+    light = psf if taper is None else tapered(psf, taper)
     radius = kernel_radius_px(light.shape[0], pixels_per_deg) if radius_px is None else radius_px
     return _over_pixels(light, nm, weights, pixels_per_deg, shift_px, 2 * radius + 1)
 
 
 def fresh_kernel(
-    plane: Callable[[float], Complex[Array, "n n"]],
+    light: Callable[[float], Float[np.ndarray, "n n"]],
     nm: Float[np.ndarray, "wavelength"],
     weights: Float[np.ndarray, "wavelength *c"],
     pixels_per_deg: float,
@@ -66,21 +64,16 @@ def fresh_kernel(
     taper: tuple[float, float] | None = None,
     radius_px: int | None = None,
 ) -> Float[np.ndarray, "*c k k"]:
-    """The same from an FFT in float64 for each wavelength: the reference, and exact out of focus too.
+    """The same from a function made anew for each wavelength: the reference, and exact out of focus too.
 
-    `plane` is the pupil plane at a wavelength in nm, of the same size at each.
+    `light` is the function at a wavelength in nm, of the same size at each.
     """
-
-    n = plane(float(nm[0])).shape[0]
-    radius = kernel_radius_px(n, pixels_per_deg) if radius_px is None else radius_px
-    kernel = np.zeros((*weights.shape[1:], 2 * radius + 1, 2 * radius + 1))
+    kernel: NDArray[np.float64] | float = 0.0
     for index, wavelength_nm in enumerate(nm):
-        light = np.asarray(point_spread(np.asarray(plane(float(wavelength_nm)), np.complex128)))
-        if taper is not None:
-            light = tapered(light, taper)
         one = slice(index, index + 1)
-        kernel += _over_pixels(light, nm[one], weights[one], pixels_per_deg, shift_px, 2 * radius + 1)
-    return kernel
+        made = light(float(wavelength_nm))
+        kernel = kernel + scaled_kernel(made, nm[one], weights[one], pixels_per_deg, shift_px, taper, radius_px)
+    return np.asarray(kernel)
 
 
 def tapered(psf: NDArray[np.floating], taper: tuple[float, float]) -> NDArray[np.floating]:

@@ -30,20 +30,26 @@ def shade(
     observer: Observer,
     turned_deg: tuple[float, float] = (0.0, 0.0),
 ) -> None:
-    """Puts the particles before the plane, in place, the sphere's front turned right and up by these angles.
-
-    The sphere is uniformly filled, so turned by any angle it is as good an eye as before. At rest, `vitreous_particles`
-    of them lie on average before the plane's inscribed disc.
-    """
+    """Puts the particles before the plane, in place, the sphere's front turned right and up by these angles."""
     random = np.random.default_rng([observer.seed, STREAM])
+    x_m, y_m = places_m(random, observer.vitreous_particles, turned_deg)
+    coverage.shade_discs(transmittance, dx_m, x_m, y_m, diameters_m(observer, random.standard_normal(len(x_m))) / 2)
+
+
+def places_m(
+    random: np.random.Generator, before: int, turned_deg: tuple[float, float] = (0.0, 0.0)
+) -> tuple[Float[np.ndarray, " particle"], Float[np.ndarray, " particle"]]:
+    """Places right of and below the axis of so many particles that, on average, `before` lie before the inscribed disc.
+
+    The sphere is uniformly filled, so turned by any angle it is as good an eye as before.
+    """
     # The part of the sphere behind the disc is what a cylinder of the disc's width bores out of it.
     bored = 1 - (1 - (coverage.PLANE_M / 2 / RADIUS_M) ** 2) ** 1.5
-    count = round(observer.vitreous_particles / bored)
+    count = round(before / bored)
     direction = random.standard_normal((3, count))
-    place = direction / np.linalg.norm(direction, axis=0) * RADIUS_M * np.cbrt(random.random(count))
-    diameter_m = diameters_m(observer, random.standard_normal(count))
-    x, y, _ = turn(turned_deg) @ place
-    coverage.shade_discs(transmittance, dx_m, x, y, diameter_m / 2)
+    place_m = direction / np.linalg.norm(direction, axis=0) * RADIUS_M * np.cbrt(random.random(count))
+    x_m, y_m, _ = turn(turned_deg) @ place_m
+    return x_m, y_m
 
 
 def turn(turned_deg: tuple[float, float]) -> Float[np.ndarray, "3 3"]:

@@ -28,8 +28,9 @@ def psf(
         ),
     ] = "D65",
     wavelengths: Annotated[
-        int, typer.Option(min=4, max=128, help="How many are summed; 60 leave no steps (KRI Fig 6.8).")
-    ] = 64,
+        int | None,
+        typer.Option(min=4, max=128, help="How many are summed; by default as many as the picture's pixels need."),
+    ] = None,
     adaptation: Annotated[
         float, typer.Option(metavar="CD_M2", min=1e-6, max=1e6, help="Luminance the eye is adapted to, for spe.")
     ] = 0.01,
@@ -49,6 +50,7 @@ def psf(
     """Show what one person's eye makes of a point of light: pictures, profiles, tables."""
     prepare_jax()
     from entoptic.pipeline.optics.aperture import Pose
+    from entoptic.pipeline.optics.light_spectra import wavelengths_for
     from entoptic.services import settings as settings_file
     from entoptic.services.psf import results
     from entoptic.services.psf.subject import Subject
@@ -58,7 +60,8 @@ def psf(
         settings_file.refuse_unwritable(save_observer)
     observer = tuned.observer
     pose = Pose(pupil_diameter_mm, observer.defocus_d, openness, observer.ocular_dynamics.lashes)
-    subject = Subject(observer, pose, tuned.glare.model, adaptation, spectrum, wavelengths)
+    count = wavelengths_for(size_px / field_deg) if wavelengths is None else wavelengths
+    subject = Subject(observer, pose, tuned.glare.model, adaptation, spectrum, count)
     results.run(subject, out, console, size_px=size_px, field_deg=field_deg, with_sheets=sheets, film_s=film)
     if save_observer is not None:
         settings_file.write(save_observer, tuned)

@@ -19,8 +19,9 @@ from entoptic.pipeline.effects.encode import srgb_signal
 from entoptic.pipeline.effects.glare.models import GlareModel
 from entoptic.pipeline.frame import LUMINANCE_WEIGHTS
 from entoptic.pipeline.observer import Observer
-from entoptic.pipeline.optics import radial, spectrum
+from entoptic.pipeline.optics import analytic, flare_lines, radial, spectrum
 from entoptic.pipeline.optics.aperture import PUPIL_RANGE_MM, Pose
+from entoptic.pipeline.optics.flare_lines import Flare
 from entoptic.services.psf.subject import Subject
 
 
@@ -46,6 +47,8 @@ def radiance(subject: Subject, size_px: int, field_deg: float) -> Float[np.ndarr
     `size_px` is odd, so that the light lies in the middle of a pixel.
     """
     pixels_per_deg = size_px / field_deg
+    if subject.model is GlareModel.SPE:
+        return np.asarray(_spe(subject, size_px, pixels_per_deg) / math.radians(1 / pixels_per_deg) ** 2)
     light = _formula(_without_core(subject), size_px, pixels_per_deg)
     if subject.model is GlareModel.WAVE:
         nm, rgb = subject.light()
@@ -58,7 +61,8 @@ def radiance(subject: Subject, size_px: int, field_deg: float) -> Float[np.ndarr
 
 def _without_core(subject: Subject) -> Subject:
     """All of a subject that its formula depends on, so that pictures of one sheet need it once."""
-    person = Observer(age_years=subject.observer.age_years, iris=subject.observer.iris)
+    eye = subject.observer
+    person = Observer(age_years=eye.age_years, iris=eye.iris, scatter=eye.scatter)
     pupil_diameter_mm = subject.pose.pupil_diameter_mm if subject.model is GlareModel.IJSPEERT else PUPIL_RANGE_MM[0]
     return dataclasses.replace(subject, observer=person, pose=Pose(pupil_diameter_mm))
 
@@ -73,6 +77,33 @@ def _formula(subject: Subject, size_px: int, pixels_per_deg: float) -> NDArray[n
     radius = size_px // 2
     channels = (functools.partial(of_channel, weights=weights) for weights in rgb.T)
     return np.stack([radial.pixel_integrated(channel, pixels_per_deg, radius, radius) for channel in channels])
+
+
+def _spe(subject: Subject, size_px: int, pixels_per_deg: float) -> NDArray[np.float64]:
+    """SPE's core, and his corona and halo with the radial lines of each; its light is the formula's (SPE 3.2)."""
+    nm, rgb = subject.light()
+    weights = analytic.spe_weights(subject.adapted_cd_m2, subject.observer.age_years)
+    radius = size_px // 2
+
+    def over_pixels(density: radial.Density) -> NDArray[np.float64]:
+        return radial.pixel_integrated(density, pixels_per_deg, radius, radius)
+
+    def halo(deg: NDArray[np.float64], of: NDArray[np.float64]) -> NDArray[np.float64]:
+        return np.asarray(weights[3] * sum(w * analytic.f3(deg, float(at)) for w, at in zip(of, nm, strict=True)))
+
+    white = rgb.sum(axis=0)[:, None, None]
+    light: NDArray[np.float64] = white * over_pixels(lambda deg: np.asarray(weights[0] * analytic.f0(deg)))
+    parts = {
+        Flare.CORONA: white
+        * over_pixels(lambda deg: np.asarray(weights[1] * analytic.f1(deg) + weights[2] * analytic.f2(deg))),
+        Flare.HALO: np.stack([over_pixels(functools.partial(halo, of=of)) for of in rgb.T]),
+    }
+    for flare, part in parts.items():
+        lines = flare_lines.flare_lines(subject.observer.seed, flare, radius, radius)
+        luminance = np.einsum("c,cyx->yx", np.array(LUMINANCE_WEIGHTS), part)
+        total = float((luminance * lines).sum())
+        light = light + part * lines * (float(luminance.sum()) / total if total else 1.0)
+    return light
 
 
 def displayed(rgb_per_sr: Float[np.ndarray, "3 k k"], scale: Scale = SCALE) -> UInt8[np.ndarray, "k k 3"]:

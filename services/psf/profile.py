@@ -14,10 +14,11 @@ from pathlib import Path
 import numpy as np
 from scipy.interpolate import PchipInterpolator
 
+from entoptic.pipeline.effects.glare.models import GRID
 from entoptic.pipeline.observer import Observer
 from entoptic.pipeline.optics import analytic, diffraction, radial
-from entoptic.pipeline.optics.aperture import Pose
-from entoptic.services.psf.subject import Angles, Subject, field
+from entoptic.pipeline.optics.aperture import Pose, pupil_box
+from entoptic.services.psf.subject import Angles, Subject
 
 THETA_DEG: Angles = np.concatenate([[0.0], np.geomspace(0.002, 90.0, 240)])
 """Rows of the tables: from half a sample of the pupil plane's function at 575 nm, each 4.6 % further out."""
@@ -132,10 +133,13 @@ def _ring_means(values: Angles, count: int) -> Angles:
 
 
 def _near_axis(observer: Observer, pose: Pose) -> Angles:
-    """The light in directions FINER times as close, by the sum that the FFT does, relative to the axis."""
-    plane = np.asarray(field(observer, pose))
-    n, reach = len(plane), FINER * NEAR + FINER // 2 + 1
-    x, at = np.arange(n) - n // 2, np.arange(-reach, reach + 1) / FINER
-    waves = np.exp(-2j * np.pi / n * at[:, None] * x[None, :]).astype(np.complex64)
-    light = np.abs(waves @ plane @ waves.T).astype(np.float64) ** 2
+    """The light in directions FINER times as close, by the sum that the FFT does, relative to the axis.
+
+    Without the fine particles, which have no light there.
+    """
+    box = pupil_box(observer, pose, GRID, diffraction.WAVELENGTH_NM)
+    reach = FINER * NEAR + FINER // 2 + 1
+    x, at = np.arange(len(box)) - len(box) // 2, np.arange(-reach, reach + 1) / FINER
+    waves = np.exp(-2j * np.pi / GRID * at[:, None] * x[None, :]).astype(np.complex64)
+    light = np.abs(waves @ box @ waves.T).astype(np.float64) ** 2
     return np.asarray(light / light[reach, reach])

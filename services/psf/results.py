@@ -63,7 +63,7 @@ def _write_eye(subject: Subject, size_px: int, field_deg: float, folder: Path, c
     image = displayed(radiance(subject, size_px, field_deg), scale)
     ruler = f"{field_deg:g}° wide · lightness: {scale}, rings: degrees from the light"
     plots.write_psf(folder / "psf.png", image, field_deg, scale, [*words, ruler])
-    plane = np.asarray(pupil_plane(subject.observer, subject.pose, GRID))
+    plane = pupil_plane(subject.observer, subject.pose, GRID)
     plots.write_pupil_plane(folder / "pupil_plane.png", plane, words)
     profile.write_tables(subject, folder)
     models = dict.fromkeys((subject.model, GlareModel.CIE, GlareModel.IJSPEERT))

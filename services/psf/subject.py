@@ -6,14 +6,14 @@ import dataclasses
 import functools
 
 import numpy as np
-from jaxtyping import Array, Complex
 from numpy.typing import NDArray
 
 from entoptic.pipeline.effects.glare.models import GRID, GlareModel
 from entoptic.pipeline.frame import LUMINANCE_WEIGHTS
 from entoptic.pipeline.observer import Observer
-from entoptic.pipeline.optics import analytic, diffraction, light_spectra, spectrum, whole
-from entoptic.pipeline.optics.aperture import Pose, pupil_plane
+from entoptic.pipeline.optics import analytic, light_spectra, spectrum, whole
+from entoptic.pipeline.optics.aperture import Pose
+from entoptic.pipeline.optics.monochromatic import monochromatic
 
 Angles = NDArray[np.float64]
 
@@ -58,7 +58,9 @@ class Subject:
         match self.model:
             case GlareModel.WAVE:
                 far = whole.veil_part(deg)
-                near = whole.beyond_core(deg, (nm,), (1.0,), GRID, age, self.pigmentation)
+                near = whole.beyond_core(
+                    deg, (nm,), (1.0,), GRID, age, self.pigmentation, scatter=self.observer.scatter
+                )
                 return near * (1 - far) + analytic.cie135(deg, age, self.pigmentation) * far
             case GlareModel.CIE:
                 return analytic.cie135(deg, age, self.pigmentation)
@@ -72,15 +74,9 @@ class Subject:
         """How much of a wavelength's light wave optics accounts for."""
         if self.model is not GlareModel.WAVE:
             return 0.0
-        return whole.shares(nm, GRID, self.observer.age_years, self.pigmentation)[0]
-
-
-def field(observer: Observer, pose: Pose) -> Complex[Array, "n n"]:
-    """The light behind this eye's pupil at 575 nm."""
-    return pupil_plane(observer, pose, GRID, diffraction.WAVELENGTH_NM)
+        return whole.shares(nm, GRID, self.observer.age_years, self.pigmentation, scatter=self.observer.scatter)[0]
 
 
 @functools.lru_cache(maxsize=2)
 def _core(observer: Observer, pose: Pose) -> Angles:
-    psf = np.asarray(diffraction.point_spread(field(observer, pose)), np.float64)
-    return np.asarray(spectrum.tapered(psf / psf.sum(), whole.FIELD_TAPER), np.float64)
+    return np.asarray(spectrum.tapered(monochromatic(observer, pose, GRID), whole.FIELD_TAPER), np.float64)

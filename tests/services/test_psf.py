@@ -18,6 +18,7 @@ from rich.console import Console
 
 from entoptic.pipeline import GlareModel, Iris, Observer
 from entoptic.pipeline.frame import LUMINANCE_WEIGHTS
+from entoptic.pipeline.observer import ScatterShares
 from entoptic.pipeline.optics import analytic, radial
 from entoptic.pipeline.optics.aperture import Pose
 from entoptic.services.psf import film, plots, profile, results, sheets
@@ -25,7 +26,13 @@ from entoptic.services.psf.picture import SCALE, Scale, displayed, radiance
 from entoptic.services.psf.subject import Subject
 from entoptic.services.settings import Settings, SettingsError, changed, load, refuse_unwritable, write
 
-CLEAR = Observer(particles=0, gratings=0, cornea_cells=0, vitreous_particles=0)
+CLEAR = Observer(
+    particles=0,
+    gratings=0,
+    cornea_cells=0,
+    vitreous_particles=0,
+    scatter=ScatterShares(cornea=0.0, lens=0.0, vitreous=0.0),
+)
 AIRY = Subject(CLEAR, Pose(5.0))
 EYE = Subject(Observer(seed=2), Pose(6.0), wavelengths=16)
 CIE = Subject(Observer(), Pose(5.0), GlareModel.CIE, wavelengths=4)
@@ -79,6 +86,16 @@ def test_a_wavelengths_core_is_the_others_scaled() -> None:
     deg = np.array([0.01, 0.1, 1.0, 2.0])
     blue, red = (core_within(EYE, nm, deg * nm / 575) for nm in (450.0, 650.0))
     np.testing.assert_allclose(blue, red, rtol=1e-9)
+
+
+def test_spencers_corona_and_halo_are_drawn_as_lines_of_the_formulas_light() -> None:
+    """SPE 3.2: as dark between as in the kernel that frames get."""
+    picture = radiance(dataclasses.replace(EYE, model=GlareModel.SPE, wavelengths=8), 181, 9.0)
+    y, x = (np.indices((181, 181)) - 90) / 20
+    luminance = np.einsum("c,cyx->yx", LUMINANCE_WEIGHTS, picture)
+    for low, high in ((0.9, 1.1), (2.9, 3.1)):
+        ring = luminance[(np.hypot(x, y) > low) & (np.hypot(x, y) < high)]
+        assert ring.std() > 0.5 * ring.mean()
 
 
 @pytest.mark.parametrize("model", [GlareModel.WAVE, GlareModel.IJSPEERT, GlareModel.SPE])
@@ -256,10 +273,10 @@ def test_a_film_and_its_strip(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -
     monkeypatch.setattr(film, "SIDE_PX", 101)
     monkeypatch.setattr(sheets, "SIDE_PX", 61)
     done: list[tuple[int, int]] = []
-    film.write(tmp_path, dataclasses.replace(EYE, wavelengths=4), 0.1, lambda *at: done.append(at))
-    assert done == [(1, 2), (2, 2)]
+    film.write(tmp_path, dataclasses.replace(EYE, wavelengths=4), 0.25, lambda *at: done.append(at))
+    assert done == [(k, 6) for k in range(1, 7)]
     with av.open(str(tmp_path / "psf.mp4")) as opened:
         frames = [frame.to_ndarray(format="rgb24") for frame in opened.decode(video=0)]
-    assert [frame.shape for frame in frames] == [(102, 102, 3)] * 2
-    assert np.abs(frames[0].astype(int) - frames[1]).max() > 4, "nothing moved"
+    assert [frame.shape for frame in frames] == [(102, 102, 3)] * 6
+    assert np.abs(frames[0].astype(int) - frames[-1]).max() > 4, "nothing moved"
     assert (tmp_path / "psf_film.png").stat().st_size > 0

@@ -4,18 +4,17 @@ from __future__ import annotations
 
 import functools
 
-import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Complex, Float
 from numpy.typing import NDArray
 
 from entoptic.described import DescribedEnum
 from entoptic.pipeline.effects.glare.kernel import Component, Formula, Mixture, Veil, component
 from entoptic.pipeline.frame import LUMINANCE_WEIGHTS
 from entoptic.pipeline.observer import Observer
-from entoptic.pipeline.optics import analytic, diffraction, flare_lines, light_spectra, radial, whole
-from entoptic.pipeline.optics.aperture import Pose, legal_pupil_diameter_mm, planes, pupil_plane
+from entoptic.pipeline.optics import analytic, flare_lines, light_spectra, radial, whole
+from entoptic.pipeline.optics.aperture import Pose, legal_pupil_diameter_mm
 from entoptic.pipeline.optics.flare_lines import Flare
+from entoptic.pipeline.optics.monochromatic import monochromatic as monochromatic
 
 GRID = 2048
 """Samples along the pupil plane: the least power of two that resolves the lens fibres."""
@@ -92,55 +91,37 @@ def wave_component(
     pixels_per_deg: float,
     *,
     grid: int = GRID,
-    wavelengths: int = light_spectra.WAVELENGTHS,
+    wavelengths: int | None = None,
     multi_plane: bool = False,
     double: bool = False,
 ) -> Component:
     """The kernel of an observer's eye by wave optics, from the spectra of the frame's primaries.
 
-    One FFT at 575 nm of a `grid` × `grid` pupil plane, in float64 if `double`, serves all `wavelengths`.
+    One function at 575 nm of a `grid` × `grid` pupil plane, in float64 if `double`, serves all `wavelengths`, by
+    default as many as pixels of this size need.
     """
-    psf = monochromatic(observer, pose, grid, multi_plane=multi_plane, double=double)
-    nm, weights = light_spectra.primary_weights(wavelengths)
+    psf = monochromatic(observer, pose, grid, vitreous_apart=multi_plane, double=double)
+    nm, weights = light_spectra.primary_weights(wavelengths or light_spectra.wavelengths_for(pixels_per_deg))
     veil = cie_veil(observer)
-    kernel, share = whole.wave_kernel(psf, nm, weights, pixels_per_deg, *veil.parameters)
+    kernel, share = whole.wave_kernel(psf, nm, weights, pixels_per_deg, *veil.parameters, scatter=observer.scatter)
     return component(kernel, veil, share)
-
-
-def monochromatic(
-    observer: Observer, pose: Pose, grid: int = GRID, *, multi_plane: bool = False, double: bool = False
-) -> Float[Array, "n n"]:
-    """The function of an observer's pupil plane at 575 nm, `grid` × `grid` samples of diffraction.bin_deg."""
-    return diffraction.point_spread(
-        _field(observer, pose, grid, diffraction.WAVELENGTH_NM, multi_plane=multi_plane, double=double)
-    )
 
 
 @functools.lru_cache(maxsize=2)
 def reference_kernel(
-    observer: Observer, pose: Pose, pixels_per_deg: float, wavelengths: int = light_spectra.WAVELENGTHS
+    observer: Observer, pose: Pose, pixels_per_deg: float, wavelengths: int | None = None
 ) -> tuple[NDArray[np.float64], Veil, float]:
     """The same kernel with an FFT in float64 for each wavelength, its veil and the veil's share: tens of seconds."""
-    nm, weights = light_spectra.primary_weights(wavelengths)
+    nm, weights = light_spectra.primary_weights(wavelengths or light_spectra.wavelengths_for(pixels_per_deg))
 
-    def field(wavelength_nm: float) -> Complex[Array, "n n"]:
-        return _field(observer, pose, GRID, wavelength_nm, multi_plane=False, double=True)
+    def light(wavelength_nm: float) -> NDArray[np.float64]:
+        return monochromatic(observer, pose, GRID, wavelength_nm=wavelength_nm, double=True)
 
     veil = cie_veil(observer)
-    kernel, share = whole.fresh_wave_kernel(field, GRID, nm, weights, pixels_per_deg, *veil.parameters)
+    kernel, share = whole.fresh_wave_kernel(
+        light, GRID, nm, weights, pixels_per_deg, *veil.parameters, scatter=observer.scatter
+    )
     return kernel, veil, share
-
-
-def _field(
-    observer: Observer, pose: Pose, grid: int, wavelength_nm: float, *, multi_plane: bool, double: bool
-) -> Complex[Array, "n n"]:
-    """The light behind the pupil, before it goes on to the retina."""
-    number = jnp.complex128 if double else jnp.complex64
-    if not multi_plane:
-        return pupil_plane(observer, pose, grid, wavelength_nm).astype(number)
-    first, later = planes(observer, pose, grid, wavelength_nm)
-    masks = [(mask.astype(number), at_m) for mask, at_m in later]
-    return diffraction.through_planes(first.astype(number), masks, wavelength_nm)
 
 
 def cie_veil(observer: Observer) -> Veil:

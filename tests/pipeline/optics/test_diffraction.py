@@ -304,10 +304,12 @@ def test_particles_of_the_vitreous_in_their_own_plane() -> None:
     """The single plane that RIT 4.1 chose has another pattern of speckles and the same light at each angle."""
     n = 1024
     observer = Observer(particles=0, gratings=0, cornea_cells=0)
-    first, later = aperture.planes(observer, Pose(5.0), n)
-    far = np.asarray(diffraction.point_spread(diffraction.through_planes(first, later)), np.float64)
-    near = np.asarray(diffraction.point_spread(first * later[0][0]), np.float64)
-    clear = np.asarray(diffraction.point_spread(first), np.float64)
+    first = aperture.placed(aperture.pupil_box(observer, Pose(5.0), n, vitreous_apart=True), n)
+    later = aperture.later_planes(observer, Pose(5.0), n)
+    far, near, clear = (
+        diffraction.point_spread(plane).astype(np.float64)
+        for plane in (diffraction.through_planes(first, later), first * later[0][0], first)
+    )
     assert np.linalg.norm(far - near) / np.linalg.norm(near) < 0.02
     away = np.hypot(samples(n)[:, None], samples(n)[None, :])
     speckles = (away > 60) & (away < 200)

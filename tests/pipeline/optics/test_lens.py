@@ -29,14 +29,17 @@ def test_the_halo_is_a_ring_at_three_degrees_for_568_nm_and_has_spencers_share()
     """3.3 % of the light at 7 mm (SPE 10), counted in the ring against the same pupil without fibres."""
     away = off_axis_deg()
     ring = (away > 2) & (away < 4)
-    bins = (away[ring] / DEG_AT_575).astype(int)
     clear = spread(pupil_disc(7e-3, N))[ring].sum()
+    flank = (away > 2.4) & (away < 3.7)
+    out = away[flank] * 568 / 575
     shares = []
     for seed in range(4):
         eye = spread(aperture.pupil_plane(Observer(seed=seed, **FIBRES), Pose(7.0), N))
         shares.append(eye[ring].sum(dtype=np.float64) - clear)
-        brightest = np.argmax(np.bincount(bins, eye[ring])) + 0.5
-        assert brightest * DEG_AT_575 * 568 / 575 == pytest.approx(3.0, abs=0.03)
+        middle = np.average(out, weights=eye[flank] / out)
+        assert middle == pytest.approx(3.0, abs=0.02)
+        width = np.sqrt(np.average((out - middle) ** 2, weights=eye[flank] / out))
+        assert width == pytest.approx(1 / np.sqrt(2 * 19.75), rel=0.05), "SPE f3"
     print(f"halo: {100 * np.mean(shares):.2f} % of the light, {100 * min(shares):.1f}–{100 * max(shares):.1f} %")
     assert np.mean(shares) == pytest.approx(0.033, abs=0.002)
     assert np.ptp(shares) < 0.01

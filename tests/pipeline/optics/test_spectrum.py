@@ -2,8 +2,8 @@
 
 import functools
 import math
+from collections.abc import Callable
 
-import jax.numpy as jnp
 import numpy as np
 import pytest
 from clear_pupil import pupil_disc
@@ -28,7 +28,12 @@ def speckled_plane(n: int = N, seed: int = 0) -> np.ndarray:
 @functools.cache
 def psf(n: int = N, seed: int = 0, kind: type = np.float64) -> np.ndarray:
     number = np.complex64 if kind is np.float32 else np.complex128
-    return np.asarray(diffraction.point_spread(jnp.asarray(speckled_plane(n, seed), number)))
+    return diffraction.point_spread(speckled_plane(n, seed).astype(number))
+
+
+def light_of(plane: np.ndarray) -> Callable[[float], np.ndarray]:
+    """The same pupil plane at every wavelength."""
+    return lambda _: diffraction.point_spread(plane.astype(np.complex128))
 
 
 def plain(light: np.ndarray, nm: float, pixels_per_deg: float, radius: int, shift: tuple[float, float]) -> np.ndarray:
@@ -74,7 +79,7 @@ def test_scaling_one_function_equals_an_fft_for_each_wavelength() -> None:
     """In focus: in float64 to rounding, and in float32 to 1e-6 of the peak."""
     plane = speckled_plane()
     nm, weights = light_spectra.primary_weights(8)
-    fresh = spectrum.fresh_kernel(lambda _: plane, nm, weights, 9.82)
+    fresh = spectrum.fresh_kernel(light_of(plane), nm, weights, 9.82)
     assert np.abs(spectrum.scaled_kernel(psf(), nm, weights, 9.82) - fresh).max() < 1e-14
     single = spectrum.scaled_kernel(psf(kind=np.float32), nm, weights, 9.82)
     assert np.abs(single - fresh).max() < 3e-6 * np.abs(fresh).max()
@@ -85,15 +90,15 @@ def test_out_of_focus_the_reference_differs_as_the_blur_does_not_scale() -> None
     """Geometric blur is as wide at all wavelengths; scaling one function makes it grow."""
     disc, nm = np.asarray(pupil_disc(4e-3, N)), np.array([450.0, 700.0])
 
-    def plane(at: float) -> np.ndarray:
+    def light(at: float) -> np.ndarray:
         field = disc.astype(np.complex64)
         focus.turn(field, N, 3.0, 4e-3, at)
-        return field
+        return diffraction.point_spread(field.astype(np.complex128))
 
-    one = np.asarray(diffraction.point_spread(jnp.asarray(plane(575.0), jnp.complex128)))
+    one = light(575.0)
     fresh, scaled = (
         kernel(subject, nm, np.eye(2), 60.0)
-        for kernel, subject in ((spectrum.fresh_kernel, plane), (spectrum.scaled_kernel, one))
+        for kernel, subject in ((spectrum.fresh_kernel, light), (spectrum.scaled_kernel, one))
     )
     radius = np.arange(fresh.shape[-1]) - fresh.shape[-1] // 2
     away = np.hypot(radius[:, None], radius[None, :])
@@ -113,9 +118,9 @@ def test_airys_dark_rings_in_a_kernel(nm: float, pupil_diameter_mm: float, kerne
     pixels_per_deg = lambda_over_d_px / math.degrees(nm * 1e-9 / diameter_m)
     task = (np.array([nm]), np.ones(1), pixels_per_deg)
     if kernel_of == "fresh":
-        kernel = spectrum.fresh_kernel(lambda _: disc, *task, radius_px=60)
+        kernel = spectrum.fresh_kernel(light_of(disc), *task, radius_px=60)
     else:
-        light = np.asarray(diffraction.point_spread(jnp.asarray(disc, jnp.complex128)))
+        light = diffraction.point_spread(disc.astype(np.complex128))
         kernel = spectrum.scaled_kernel(light, *task, radius_px=60)
     x = np.arange(121) - 60
     away = np.hypot(x[:, None], x[None, :])
@@ -141,7 +146,7 @@ def test_a_light_off_the_middle_has_the_pixels_integrals_there(shift: tuple[floa
     light = np.stack([plain(psf(), at, 30.0, kernel.shape[-1] // 2, shift) for at in nm])
     exact = np.einsum("loi,lyx->oiyx", weights, light)
     assert np.abs(kernel - exact).max() < 1e-14
-    fresh = spectrum.fresh_kernel(lambda _: speckled_plane(), nm, weights, 30.0, shift)
+    fresh = spectrum.fresh_kernel(light_of(speckled_plane()), nm, weights, 30.0, shift)
     assert np.abs(fresh - exact).max() < 1e-14
 
 
@@ -174,7 +179,7 @@ def test_a_taper_leaves_a_round_field_and_all_the_light() -> None:
     kernel = spectrum.scaled_kernel(psf(), nm, weights, 9.82, taper=(0.8, 1.0))
     assert np.abs(kernel.sum(axis=(2, 3)) - np.eye(3)).max() < 1e-12
     plane = speckled_plane()
-    fresh = spectrum.fresh_kernel(lambda _: plane, nm, weights, 9.82, taper=(0.8, 1.0))
+    fresh = spectrum.fresh_kernel(light_of(plane), nm, weights, 9.82, taper=(0.8, 1.0))
     assert np.abs(kernel - fresh).max() < 1e-14
 
 
@@ -198,7 +203,7 @@ def halo_deg(weights: np.ndarray, nm: np.ndarray) -> float:
     light = profile * np.arange(len(profile))
     start, end = round(1.7 * 60), round(4.4 * 60)
     best = start + int(np.argmax(light[start:end]))
-    near = np.arange(best - 8, best + 9)
+    near = np.arange(best - 24, best + 25)
     above = np.clip(light[near] - 0.5 * light[best], 0, None)
     return float((near * above).sum() / above.sum() / 60)
 
@@ -216,4 +221,4 @@ def test_a_red_lights_halo_is_wider_than_a_blue_ones() -> None:
     assert blue < green < red
     dominant = [nm[np.argmax(weights[:, c, c])] for c in range(3)]
     for halo, at in zip((red, green, blue), dominant, strict=True):
-        assert halo == pytest.approx(3.0 * at / 568, rel=0.02)
+        assert halo == pytest.approx(3.0 * at / 568, rel=0.03)
