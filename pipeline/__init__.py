@@ -14,6 +14,7 @@ effects/      what an eye does to a frame, one file an effect
 optics/       light inside the eye
 threshold.py  the smallest difference that is seen
 mesopic.py    luminance between day and night
+fft_length.py lengths of FFTs that always give the same bytes
 render.py     runs a plan
 sinks/        where perceived frames go
 cost/         what accuracy costs in time
@@ -21,6 +22,9 @@ cost/         what accuracy costs in time
 
 import jax
 
+from entoptic.threads import fix_threads
+
+fix_threads()
 # Kernels and their energy are computed in float64; frames say float32 themselves, everywhere.
 jax.config.update("jax_enable_x64", True)
 

@@ -17,6 +17,8 @@ from typing import NoReturn
 import platformdirs
 import structlog
 
+from entoptic.threads import fix_threads
+
 INTERRUPTED = 130
 """The exit status of a command that Ctrl-C ended, as of a shell."""
 STOPS_WITHIN_S = 10.0
@@ -100,8 +102,16 @@ def leave(status: int) -> NoReturn:
 
 
 def cache_folder() -> Path:
-    """Where compiled code is kept between runs: ~/.cache/entoptic, or what the platform has for it."""
+    """What may go and can be had again: ~/.cache/entoptic, or what the platform has for it."""
     return platformdirs.user_cache_path("entoptic", appauthor=False)
+
+
+def compiled_folder() -> Path:
+    """Where compiled code is kept between runs.
+
+    JAX would take what was compiled for another number of threads, which rounds otherwise, for the same.
+    """
+    return cache_folder() / f"compiled-{fix_threads()}"
 
 
 def state_folder() -> Path:
@@ -128,5 +138,5 @@ def prepare_jax(*, renders: bool = True) -> None:
 
     if not renders:
         jax.config.update("jax_platforms", "cpu")
-    jax.config.update("jax_compilation_cache_dir", str(cache_folder() / "compiled"))
+    jax.config.update("jax_compilation_cache_dir", str(compiled_folder()))
     jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.1)

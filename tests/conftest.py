@@ -10,10 +10,10 @@ import pytest
 import structlog
 from hypothesis import settings
 
-from entoptic.services.process import cache_folder
+from entoptic.services.process import compiled_folder
 
 # Before JAX is imported. What was compiled once is compiled for all tests, and for the program: a third of their time.
-os.environ.setdefault("JAX_COMPILATION_CACHE_DIR", str(cache_folder() / "compiled"))
+os.environ.setdefault("JAX_COMPILATION_CACHE_DIR", str(compiled_folder()))
 os.environ.setdefault("JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS", "0")
 
 DATA = Path(__file__).parents[2] / "shared" / "data"

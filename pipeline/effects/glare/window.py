@@ -29,9 +29,9 @@ from numpy.typing import NDArray
 
 from entoptic.pipeline.effects.glare import convolve, splat
 from entoptic.pipeline.effects.glare.kernel import Mixture
+from entoptic.pipeline.fft_length import fft_length
 from entoptic.pipeline.frame import View
 from entoptic.pipeline.measure import Measurement, luminance
-from entoptic.pipeline.reproducible import fast_length
 
 WINDOW_PX = 1024
 """Side of the gaze window's FFT on LUI's display (LUI 5.2.3)."""
@@ -66,13 +66,13 @@ class Window:
 def window_of(view: View, radius_px: int) -> Window:
     """The gaze window of a kernel of this radius."""
     # Never less than two radii either side of the gaze: a frame of a few pixels has a window too.
-    side = fast_length(max(round(WINDOW_PX * view.focal_px / WINDOW_FOCAL_PX), 4 * radius_px), "real")
+    side = fft_length(max(round(WINDOW_PX * view.focal_px / WINDOW_FOCAL_PX), 4 * radius_px), "real")
     rows, columns = min(view.height_px, side), min(view.width_px, side)
     whole = frame_window(view, radius_px)
     return Window(
         rows,
         columns,
-        min(fast_length(side, "complex64"), whole.fft_rows),
+        min(fft_length(side, "complex64"), whole.fft_rows),
         min(side, whole.fft_columns),
         side / 2 - radius_px,
         side / 2,
@@ -86,8 +86,8 @@ def frame_window(view: View, radius_px: int) -> Window:
     return Window(
         rows,
         columns,
-        fast_length(rows + min(radius_px, rows - 1), "complex64"),
-        fast_length(columns + min(radius_px, columns - 1), "real"),
+        fft_length(rows + min(radius_px, rows - 1), "complex64"),
+        fft_length(columns + min(radius_px, columns - 1), "real"),
         math.inf,
         math.inf,
         radius_px,
@@ -158,7 +158,7 @@ def _glare(
             apart = at
     corner = (_corner(gaze_px[1], window.rows, view.height_px), _corner(gaze_px[0], window.columns, view.width_px))
     reach = window.rows - 1, window.columns - 1
-    rows = window.fft_rows if dtype == "float32" else fast_length(window.fft_rows, "complex128")
+    rows = window.fft_rows if dtype == "float32" else fft_length(window.fft_rows, "complex128")
     size = rows, window.fft_columns
     gaze_yx = np.array([gaze_px[1], gaze_px[0]], np.float32)
     # Three steps compiled apart: in one, XLA makes some of their passes on one core alone, for half as long again.

@@ -156,7 +156,7 @@ def test_the_windows_angle_is_that_of_the_view_not_of_its_pixels(make_component:
         view = View(width, width, 104.0)
         seen = window.window_of(view, round(9 * view.ppd_centre))
         assert np.degrees(np.arctan(seen.lands_px / view.focal_px)) == pytest.approx(42.3, abs=0.5 if width > 90 else 2)
-    assert window.window_of(View(1440, 1600, 104.0), 89).fft_rows == window.WINDOW_PX
+    assert window.window_of(View(1440, 1600, 104.0), 89).fft_columns == window.WINDOW_PX
 
 
 @pytest.mark.parametrize("size", [(1, 1), (5, 3), (20, 61)])
