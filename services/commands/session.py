@@ -17,6 +17,9 @@ from entoptic.services.process import INTERRUPTED, Stop, leave, prepare_jax
 from entoptic.services.process_config import PageConfig
 from entoptic.services.terminal import console
 
+DIFFERENT = 1
+"""The exit status of --again where frames differ by more than is promised."""
+
 
 @options
 def session(
@@ -31,7 +34,11 @@ def session(
     ] = False,
     again: Annotated[
         Path | None,
-        typer.Option(metavar="FOLDER", help="Render the frames of an earlier session's folder again, into --out."),
+        typer.Option(
+            metavar="FOLDER",
+            help="Render the frames of an earlier session's folder again, into --out, and say what differs. The same "
+            "version on the same machine gives the same frames: if not, the exit status is 1.",
+        ),
     ] = None,
 ) -> None:
     """Render what a person perceives: eye data and a scene in, a film and a report out.
@@ -49,9 +56,9 @@ def session(
         if again is not None:
             from entoptic.services.session import again as session_again
 
-            session_again.run(again, final, frozenset(view.save), stop, console)
+            as_promised = session_again.run(again, final, frozenset(view.save), stop, console)
             _print_where(final)
-            leave(0)
+            leave(0 if as_promised else DIFFERENT)
         from entoptic.services.session_config import SessionConfig, open_session
         from entoptic.tracker_bridge.sources import SIMULATED
 

@@ -27,6 +27,7 @@ from entoptic.pipeline.scenes import Head
 from entoptic.services.config import ViewConfig
 from entoptic.services.rendering import Rendering
 from entoptic.services.results import kept
+from entoptic.services.results.machine import machine
 from entoptic.services.session_config import EYES
 from entoptic.services.settings import Settings
 from entoptic.tracker_bridge.wire import Eye, EyeState
@@ -46,6 +47,8 @@ class Begun(msgspec.Struct, frozen=True, kw_only=True, tag_field="is", tag="begu
     entoptic: Annotated[int, msgspec.Meta(ge=0)] = VERSION
     program: str
     """Which version wrote it."""
+    machine: str = ""
+    """What rendered its first frame; empty where that was not kept."""
     view: ViewConfig
     """With its size as it is."""
     live: bool
@@ -105,6 +108,7 @@ def begin(view: ViewConfig, rendering: Rendering, *, live: bool, zero_s: float =
     """What a render log begins with."""
     return Begun(
         program=__version__,
+        machine=machine(),
         view=view,
         live=live,
         zero_s=zero_s,

@@ -22,6 +22,7 @@ from entoptic.services.results.frames import Results
 from entoptic.services.results.render_log import FILE as RENDER_LOG
 from entoptic.services.results.render_log import FrameRecord, Perceive, RenderLog, RenderLogError, Resumed
 from entoptic.services.results.session_file import SessionFile
+from entoptic.services.session.differences import Differences
 from entoptic.services.session.watch import SessionError, Work, watch
 from entoptic.services.session_config import view_of
 from entoptic.services.settings import Settings, changed, files_of
@@ -30,11 +31,11 @@ TABLES = ("states.csv", "events.csv", BRIDGE, session_file.FILE, "settings.toml"
 """What the frames change nothing in."""
 
 
-def run(before: Path, out: Path, save: frozenset[Save], stop: Stop, console: Console) -> None:
-    """Renders the session in a folder again into another one, with a report of its own.
+def run(before: Path, out: Path, save: frozenset[Save], stop: Stop, console: Console) -> bool:
+    """Renders the session in a folder again into another one, with a report of its own; says what differs.
 
-    Raises SessionError, StoppedError, SessionFileError, RenderLogError, ResultsFolderError, and FrameError for a scene
-    that is gone; then no folder is left.
+    Returns whether that is no more than is promised. Raises SessionError, StoppedError, SessionFileError,
+    RenderLogError, ResultsFolderError, and FrameError for a scene that is gone; then no folder is left.
     """
     session = session_file.read(before)
     if not (before / RENDER_LOG).exists():
@@ -47,25 +48,26 @@ def run(before: Path, out: Path, save: frozenset[Save], stop: Stop, console: Con
                 shutil.copyfile(before / name, folder / name)
         if (before / session_file.INPUTS).is_dir():
             shutil.copytree(before / session_file.INPUTS, folder / session_file.INPUTS)
-        different = watch(
+        differences = watch(
             lambda work: render(before, folder, save, session, stop, work),
             stop,
             console,
             "stopped: nothing was written",
         )
-        console.print("all frames are the same" if different is None else f"frames differ from frame {different} on")
+        console.print(escape(str(differences)), soft_wrap=True)
         # Gaps and problems are those of what was rendered then.
         write_json(
             folder / recording.SUMMARY, recording.summary_of(session, recording.notes_of(before), finish(folder))
         )
         if (problem := recording.draw_report(folder)) is not None:
             console.print(f"[yellow]![/yellow] {escape(str(problem))}", soft_wrap=True)
+    return differences.kept
 
 
 def render(
     before: Path, out: Path, save: frozenset[Save], session: SessionFile | None, stop: Stop, work: Work
-) -> int | None:
-    """Renders all frames of a folder into another one; the number of the first that is not what it was.
+) -> Differences:
+    """Renders all frames of a folder into another one, and tells what they differ in.
 
     Raises RenderLogError, FrameError for a scene that is gone, and SessionFileError for one that is another now.
     """
@@ -80,7 +82,7 @@ def render(
     )
     here = _here(begun.perception, session, before)
     rendering = Rendering(scene, view_of(begun.view), begun.eyes, here, begun.costs, begun.state)
-    first_different = None
+    differences = Differences(before, begun)
     frames = None if begun.live else work.frames
     with Results(out, begun, save, frames=frames) as results:
         for record in render_log:
@@ -101,13 +103,12 @@ def render(
                     rendering.correct(record.timings)
                     results.add(rendered, record)
                     results.note(rendered)
-                    if first_different is None and results.digest != record.sha256:
-                        first_different = record.frame
+                    differences.add(rendered, rendering.perception.display, same=results.digest == record.sha256)
                     work.stage, work.frame = "rendering", work.frame + 1
     write_summary(results.summary(None, None), out)
     if begun.live:
         finish(out)
-    return first_different
+    return differences
 
 
 def _path(what: str, named: str, session: SessionFile | None, folder: Path) -> str:

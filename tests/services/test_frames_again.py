@@ -5,6 +5,7 @@ import dataclasses
 import json
 import shutil
 import time
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +14,9 @@ import msgspec
 import numpy as np
 import pytest
 import structlog
+from PIL import Image
 
+from entoptic import __version__
 from entoptic.pipeline import Display, Encoding, FrameError, RenderState
 from entoptic.pipeline.budget import SHIPPED
 from entoptic.pipeline.optics.ocular_dynamics import SaccadeImpulse
@@ -26,9 +29,10 @@ from entoptic.services.rendering import Rendering
 from entoptic.services.results import finish as takes
 from entoptic.services.results import kept
 from entoptic.services.results.frames import Results
-from entoptic.services.results.render_log import FrameRecord, RenderLog, RenderLogError, begin
+from entoptic.services.results.render_log import Begun, FrameRecord, Record, RenderLog, RenderLogError, begin
 from entoptic.services.results.tally import Reception
 from entoptic.services.session.again import render
+from entoptic.services.session.differences import Differences
 from entoptic.services.session.watch import Work
 from entoptic.services.session_config import EYES, view_of
 from entoptic.services.settings import Settings
@@ -122,29 +126,111 @@ def take(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def test_a_take_is_rendered_again_to_the_bit(take: Path, tmp_path: Path) -> None:
     digests = [record.sha256 for record in RenderLog(take / "render_log.msgpack") if isinstance(record, FrameRecord)]
     assert len(set(digests)) == 11
-    assert rendered_again(take, tmp_path, SAVE) is None
+    assert str(rendered_again(take, tmp_path, SAVE)) == "all frames are the same"
     summary = json.loads((tmp_path / "worker.json").read_text())
     assert (summary["frames"], summary["dropped_frames"]) == (11, 30)
     assert bytes.fromhex(summary["perceived_sha256"]) == digests[-1]
 
 
-def rendered_again(before: Path, out: Path, save: frozenset[Save] = frozenset()) -> int | None:
+def rendered_again(before: Path, out: Path, save: frozenset[Save] = frozenset()) -> Differences:
     return render(before, out, save, None, Stop(), Work())
 
 
 def test_a_frame_that_is_another_is_named(take: Path, tmp_path: Path) -> None:
     """The order of the eyes' gaze matters to every frame after it."""
     shutil.copytree(take, tmp_path / "other")
-    render_log = RenderLog(take / "render_log.msgpack")
-    records = [render_log.begun, *render_log]
-    for k, record in enumerate(records):
-        if isinstance(record, FrameRecord) and record.frame == 9:
-            records[k] = msgspec.structs.replace(record, head=Head(30.0, 0.0, 0.0))
-    (tmp_path / "other" / "render_log.msgpack").write_bytes(b"".join(kept.encode(record) for record in records))
+    rewrite(tmp_path / "other", turned_at(9))
     (tmp_path / "new").mkdir()
-    assert rendered_again(tmp_path / "other", tmp_path / "new") == 9
+    differences = rendered_again(tmp_path / "other", tmp_path / "new")
+    assert differences.first == 9
+    assert not differences.kept
+    assert "frames differ from frame 9 on; by how much is not known" in str(differences)
     with pytest.raises(RenderLogError, match="name another folder"):
         rendered_again(take, take)
+
+
+def rewrite(folder: Path, change: Callable[[Record], Record]) -> None:
+    render_log = RenderLog(folder / "render_log.msgpack")
+    records = [change(record) for record in (render_log.begun, *render_log)]
+    (folder / "render_log.msgpack").write_bytes(b"".join(kept.encode(record) for record in records))
+
+
+def turned_at(frame: int) -> Callable[[Record], Record]:
+    """The head is turned further in one frame, which so is another."""
+    return lambda record: (
+        msgspec.structs.replace(record, head=Head(record.frame / 3 + 2.0, 1.0, 0.0))
+        if isinstance(record, FrameRecord) and record.frame == frame
+        else record
+    )
+
+
+@pytest.fixture(scope="module")
+def pictured(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Frames that are kept as pictures too."""
+    folder, session = tmp_path_factory.mktemp("pictured"), Session(settings())
+    with Results(folder, begin(VIEW, session.rendering, live=False), frozenset({Save.PNG}), frames=4) as results:
+        session.frames(results, [0, 1, 2, 3])
+    return folder
+
+
+@pytest.mark.parametrize(
+    ("wrote", "promised", "as_promised"),
+    [
+        ({}, "0 at most is promised", False),
+        ({"machine": "an abacus"}, "rendered on an abacus, here", False),
+        ({"program": "0.0.0"}, f"rendered by version 0.0.0, this is {__version__}; nothing is promised", True),
+    ],
+)
+def test_the_largest_difference_is_that_of_the_pictures(
+    pictured: Path, tmp_path: Path, wrote: dict[str, str], promised: str, as_promised: bool
+) -> None:
+    shutil.copytree(pictured, tmp_path / "other")
+    rewrite(tmp_path / "other", turned_at(2))
+    rewrite(
+        tmp_path / "other",
+        lambda record: msgspec.structs.replace(record, **wrote) if isinstance(record, Begun) else record,
+    )
+    (tmp_path / "new").mkdir()
+    differences = rendered_again(tmp_path / "other", tmp_path / "new", frozenset({Save.PNG}))
+    apart = np.array(
+        [
+            np.asarray(Image.open(tmp_path / "new" / "frames" / f"00000{k}.png"), np.int64)
+            - np.asarray(Image.open(pictured / "frames" / f"00000{k}.png"), np.int64)
+            for k in range(4)
+        ]
+    )
+    largest, found = np.abs(apart).max(), differences.largest
+    assert largest > 1
+    assert not apart[:2].any()
+    assert (differences.first, differences.kept) == (2, as_promised)
+    assert found is not None
+    assert found.code_values == largest
+    channel = ("red", "green", "blue").index(found.channel)
+    assert abs(apart[found.frame, found.y_px, found.x_px, channel]) == largest
+    assert found.values == np.count_nonzero(apart[found.frame])
+    assert f"{largest} code values, {found.channel} at x {found.x_px}, y {found.y_px} of frame" in str(differences)
+    assert promised in str(differences)
+
+
+def test_another_machine_may_round_otherwise(pictured: Path, tmp_path: Path) -> None:
+    """By one code value, here in one pixel of a picture that was kept."""
+    shutil.copytree(pictured, tmp_path / "other")
+    path = tmp_path / "other" / "frames" / "000003.png"
+    codes = np.array(Image.open(path))
+    codes[5, 7, 1] += 1 if codes[5, 7, 1] < 255 else -1
+    Image.fromarray(codes).save(path)
+
+    def otherwise(record: Record) -> Record:
+        if isinstance(record, FrameRecord) and record.frame == 3:
+            return msgspec.structs.replace(record, sha256=b"another")
+        return msgspec.structs.replace(record, machine="an abacus") if isinstance(record, Begun) else record
+
+    rewrite(tmp_path / "other", otherwise)
+    (tmp_path / "new").mkdir()
+    differences = rendered_again(tmp_path / "other", tmp_path / "new")
+    assert differences.kept
+    assert "is 1 code value, green at x 7, y 5 of frame 3, of which 1 of 4608 values differ" in str(differences)
+    assert "1 at most is promised" in str(differences)
 
 
 def test_a_take_is_finished_into_one_film(take: Path, tmp_path: Path) -> None:

@@ -53,15 +53,14 @@ def busy() -> Iterator[None]:
 
 
 @pytest.mark.slow
+@pytest.mark.timeout(900)
 @pytest.mark.skipif(not hasattr(os, "sched_setaffinity"), reason="this system ties no process to a core")
 def test_frames_are_the_same_on_one_core_and_beside_a_busy_program() -> None:
     cores = sorted(os.sched_getaffinity(0))
     free = rendered(cores)
     with busy():
-        tied = rendered(cores[:1])
-        pressed = rendered(cores)
+        pressed = rendered(cores[:1])
     assert len(free) > 50
-    assert [name for name in free if tied[name] != free[name]] == []
     assert [name for name in free if pressed[name] != free[name]] == []
 
 
@@ -71,7 +70,7 @@ def rendered(cores: list[int]) -> dict[str, str]:
     child = subprocess.run(
         [sys.executable, "-P", "-c", f"import os; os.sched_setaffinity(0, {cores})\n{RENDERED}"],
         env=environment | {"JAX_ENABLE_COMPILATION_CACHE": "false"},
-        capture_output=True, text=True, timeout=280, check=False,
+        capture_output=True, text=True, timeout=400, check=False,
     )  # fmt: skip
     assert child.returncode == 0, child.stderr
     digests: dict[str, str] = json.loads(child.stdout)

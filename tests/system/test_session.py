@@ -11,6 +11,11 @@ from pathlib import Path
 
 import av
 import pytest
+from msgspec.structs import replace
+
+from entoptic.pipeline.scenes import Head
+from entoptic.services.results import kept
+from entoptic.services.results.render_log import FrameRecord, RenderLog
 
 SMALL = ("--width", "90", "--height", "100", "--fps", "20", "--eyes", "both")
 
@@ -102,6 +107,17 @@ def test_a_session_end_to_end_and_the_same_again(tmp_path: Path) -> None:
     assert {name: summary[name] for name in told} == told
     assert (tmp_path / "again" / "inputs" / "scene" / "street.exr").read_bytes() == b"any"
     assert "worker away from 0.1 s to 0.2 s: killed" in (tmp_path / "again" / "report.html").read_text()
+    # A record that says otherwise than what was rendered.
+    render_log = RenderLog(one / "render_log.msgpack")
+    records = [
+        replace(record, head=Head(40.0, 0.0, 0.0)) if isinstance(record, FrameRecord) and record.frame == 27 else record
+        for record in (render_log.begun, *render_log)
+    ]
+    (one / "render_log.msgpack").write_bytes(b"".join(map(kept.encode, records)))
+    otherwise = session("--again", "one", "--out", "otherwise", cwd=tmp_path)
+    assert otherwise.returncode == 1
+    assert "frames differ from frame 27 on; the largest difference in the 3 whose pictures" in otherwise.stderr
+    assert "0 at most is promised" in otherwise.stderr
 
 
 @pytest.mark.slow
