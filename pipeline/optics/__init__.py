@@ -16,6 +16,7 @@ analytic.py       measured point-spread functions as closed formulas, and their 
 radial.py         a radial density's light: over pixels, within an angle, over the hemisphere
 flare_lines.py    the radial lines that such a formula lacks
 whole.py          the whole function of one eye, from its peak to 90°
+moving_kernel.py  the same of an eye in motion, from that of the eye at rest
 """
 
 from __future__ import annotations

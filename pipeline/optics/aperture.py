@@ -137,7 +137,7 @@ def _anatomy(observer: Observer) -> Observer:
     )
 
 
-@functools.lru_cache(maxsize=2)
+@functools.lru_cache(maxsize=4)
 def _still(observer: Observer, n: int) -> Complex[np.ndarray, "n n"]:
     """What never moves: cornea and fibres."""
     if (blocked := blocked_share(observer)) > BLOCKED_LIMIT:
@@ -150,7 +150,7 @@ def _still(observer: Observer, n: int) -> Complex[np.ndarray, "n n"]:
     return clear * (1 + np.complex64(1j) * lens.fibres(observer, n))
 
 
-@functools.lru_cache(maxsize=2)
+@functools.lru_cache(maxsize=4)
 def _resting(observer: Observer, n: int) -> Complex[np.ndarray, "n n"]:
     """Everything in an eye at rest but its pupil."""
     still = _still(observer, n)

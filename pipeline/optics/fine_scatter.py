@@ -52,31 +52,35 @@ def _resting(observer: Observer, n: int) -> Complex[np.ndarray, "k k"]:
 
 def _cloud(observer: Observer, pose: Pose, n: int, m: int) -> Complex[np.ndarray, "m m"]:
     """The middle m × m samples, m odd, of an n × n plane; each particle on the four samples around it."""
-    scatter, amplitude = observer.scatter, []
-    places = []
-    for part, share in enumerate((scatter.cornea, scatter.lens, scatter.vitreous)):
-        random = np.random.default_rng([observer.seed, STREAM, part])
-        match part:
-            case 0:
-                place = cornea.places_m(random, POINTS)
-            case 1:
-                place = lens.places_m(random, POINTS, pose.lens_m)
-            case _:
-                place = vitreous.places_m(random, POINTS, pose.vitreous_deg)
-        places.append(np.stack(place))
-        amplitude.append(math.sqrt(share) * np.exp(2j * np.pi * random.random(places[-1].shape[1])))
-    x, y = np.concatenate(places, axis=1) / (PLANE_M / n) + m // 2
+    places = [
+        cornea.places_m(_random(observer, 0), POINTS),
+        lens.places_m(_random(observer, 1), POINTS, pose.lens_m),
+        vitreous.places_m(_random(observer, 2), POINTS, pose.vitreous_deg),
+    ]
+    x, y = np.concatenate([np.stack(place) for place in places], axis=1) / (PLANE_M / n) + m // 2
     inside = (np.abs(x - m // 2) < m // 2) & (np.abs(y - m // 2) < m // 2)
-    x, y, of = x[inside], y[inside], np.concatenate(amplitude)[inside]
-    column, row = x.astype(int), y.astype(int)
-    right, down = x - column, y - row
-    cells = [row * m + column + step for step in (0, 1, m, m + 1)]
-    parts = [(1 - down) * (1 - right), (1 - down) * right, down * (1 - right), down * right]
-    cell, light = np.concatenate(cells), np.concatenate([part * of for part in parts])
-    box = np.empty((m, m), np.complex64)
-    box.real = np.bincount(cell, light.real, m * m).reshape(m, m)
-    box.imag = np.bincount(cell, light.imag, m * m).reshape(m, m)
-    return box
+    amplitude = _amplitudes(observer, tuple(len(of) for of, _ in places))[inside]
+    x, y = x[inside], y[inside]
+    column, row = x.astype(np.int64), y.astype(np.int64)
+    right, down = (x - column).astype(np.float32), (y - row).astype(np.float32)
+    box = np.zeros(m * m, np.complex64)
+    for step, part in zip((0, 1, m, m + 1), ((0, 0), (0, 1), (1, 0), (1, 1)), strict=True):
+        share = (down if part[0] else 1 - down) * (right if part[1] else 1 - right)
+        np.add.at(box, row * m + column + step, share * amplitude)
+    return box.reshape(m, m)
+
+
+def _random(observer: Observer, part: int) -> np.random.Generator:
+    return np.random.default_rng([observer.seed, STREAM, part])
+
+
+@functools.lru_cache(maxsize=4)
+def _amplitudes(observer: Observer, counts: tuple[int, ...]) -> Complex[np.ndarray, " point"]:
+    """Of each particle: its part's share, at a random phase."""
+    shares = (observer.scatter.cornea, observer.scatter.lens, observer.scatter.vitreous)
+    of = np.repeat(np.sqrt(shares), counts)
+    turns = np.random.default_rng([observer.seed, STREAM, len(shares)]).random(len(of))
+    return np.asarray(of * np.exp(2j * np.pi * turns), np.complex64)
 
 
 def power(box: Complex[np.ndarray, "m m"]) -> float:

@@ -92,7 +92,7 @@ def _sum(psf: NDArray[np.floating]) -> float:
     return float(psf.sum(axis=1).sum(dtype=np.float64))
 
 
-@functools.lru_cache(maxsize=1)
+@functools.lru_cache(maxsize=8)
 def _field(n: int, taper: tuple[float, float], kind: np.dtype[np.floating]) -> NDArray[np.floating]:
     low, high = taper
     x = (np.arange(n) - n // 2) / (n / 2)

@@ -14,6 +14,7 @@ from __future__ import annotations
 
 import functools
 from collections.abc import Callable
+from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float
@@ -42,14 +43,14 @@ def smooth_step(x: Angles, low: float, high: float) -> Angles:
     return position * position * (3 - 2 * position)
 
 
-def veil_part(deg: Angles) -> Angles:
-    """The share of the function at an angle that belongs to the veil."""
-    return smooth_step(np.asarray(deg, np.float64), *VEIL_DEG)
+def veil_part(deg: Angles, wider: float = 1.0) -> Angles:
+    """The share of the function at an angle that belongs to the veil, which begins `wider` times as far out."""
+    return smooth_step(np.asarray(deg, np.float64) / wider, *VEIL_DEG)
 
 
-def kernel_radius_px(pixels_per_deg: float) -> int:
+def kernel_radius_px(pixels_per_deg: float, wider: float = 1.0) -> int:
     """How far a kernel reaches."""
-    return int(np.ceil(VEIL_DEG[1] * pixels_per_deg))
+    return int(np.ceil(VEIL_DEG[1] * wider * pixels_per_deg))
 
 
 def beyond_core(
@@ -79,7 +80,13 @@ def beyond_core(
 
 @functools.lru_cache(maxsize=1024)
 def shares(
-    nm: float, n: int, age_years: float, pigmentation: float, *, scatter: ScatterShares = RIT_SHARES
+    nm: float,
+    n: int,
+    age_years: float,
+    pigmentation: float,
+    wider: float = 1.0,
+    *,
+    scatter: ScatterShares = RIT_SHARES,
 ) -> tuple[float, float, float]:
     """Of one wavelength's light: how much lies in the core, in CIE's part of the kernel, and in the veil. Sum 1.
 
@@ -87,15 +94,17 @@ def shares(
     """
 
     def beyond(deg: Angles) -> Angles:
-        return beyond_core(deg, (nm,), (1.0,), n, age_years, pigmentation, scatter=scatter) * (1 - veil_part(deg))
+        return beyond_core(deg, (nm,), (1.0,), n, age_years, pigmentation, scatter=scatter) * (
+            1 - veil_part(deg, wider)
+        )
 
-    near, veil = radial.hemisphere_volume(beyond), _veil_share(age_years, pigmentation)
+    near, veil = radial.hemisphere_volume(beyond), _veil_share(age_years, pigmentation, wider)
     return 1 - near - veil, near, veil
 
 
-@functools.lru_cache(maxsize=8)
-def _veil_share(age_years: float, pigmentation: float) -> float:
-    return radial.hemisphere_volume(lambda deg: analytic.cie135(deg, age_years, pigmentation) * veil_part(deg))
+@functools.lru_cache(maxsize=64)
+def _veil_share(age_years: float, pigmentation: float, wider: float) -> float:
+    return radial.hemisphere_volume(lambda deg: analytic.cie135(deg, age_years, pigmentation) * veil_part(deg, wider))
 
 
 def wave_kernel(
@@ -106,19 +115,19 @@ def wave_kernel(
     age_years: float,
     pigmentation: float,
     *,
+    radius_px: int | None = None,
+    wider: float = 1.0,
     scatter: ScatterShares = RIT_SHARES,
 ) -> tuple[NDArray[np.float64], float]:
     """A kernel over display pixels and the veil's share, from a monochromatic function at 575 nm.
 
     `weights` (wavelength, …) says what each wavelength contributes to each channel (light_spectra.py); the kernel has
-    the shape (…, k, k), k = 2·kernel_radius_px + 1, and with the veil's share adds up to the weights' sum but for
-    1e-4: it lies on a flat plane.
+    the shape (…, k, k), k = 2·`radius_px` + 1, by default as far as a veil that begins `wider` times as far out leaves
+    anything. It then adds up, with the veil's share, to the weights' sum but for 1e-4: it lies on a flat plane.
     """
-    used, taper = _field(psf.shape[0])
-    of_core, veil_share = _core_weights(nm, weights, used, age_years, pigmentation, scatter)
-    radius_px = spectrum.kernel_radius_px(used, pixels_per_deg)
-    core = spectrum.scaled_kernel(psf, nm, of_core, pixels_per_deg, taper=taper, radius_px=radius_px)
-    return _joined(core, nm, weights, used, pixels_per_deg, age_years, pigmentation, scatter), veil_share
+    cells = Cells(tuple(nm.tolist()), weights.tobytes(), weights.shape, pixels_per_deg, radius_px, wider)
+    eye = Straylight(age_years, pigmentation, scatter)
+    return joined(core_kernel(psf, cells, eye), len(psf), cells, eye)
 
 
 def fresh_wave_kernel(
@@ -133,11 +142,71 @@ def fresh_wave_kernel(
     scatter: ScatterShares = RIT_SHARES,
 ) -> tuple[NDArray[np.float64], float]:
     """The same with an FFT for each wavelength: `light` is the n × n function at a wavelength in nm."""
+    cells = Cells(tuple(nm.tolist()), weights.tobytes(), weights.shape, pixels_per_deg, None, 1.0)
+    eye = Straylight(age_years, pigmentation, scatter)
     used, taper = _field(n)
-    of_core, veil_share = _core_weights(nm, weights, used, age_years, pigmentation, scatter)
     radius_px = spectrum.kernel_radius_px(used, pixels_per_deg)
+    of_core = core_weights(n, cells, eye)
     core = spectrum.fresh_kernel(light, nm, of_core, pixels_per_deg, taper=taper, radius_px=radius_px)
-    return _joined(core, nm, weights, used, pixels_per_deg, age_years, pigmentation, scatter), veil_share
+    return joined(core, n, cells, eye)
+
+
+class Straylight(NamedTuple):
+    """What of an eye its straylight depends on."""
+
+    age_years: float
+    pigmentation: float
+    scatter: ScatterShares
+
+
+class Cells(NamedTuple):
+    """What a kernel is for: the light's spectra, and the cells, pixels or others, over which it spreads; hashable."""
+
+    nm: tuple[float, ...]
+    weights_bytes: bytes
+    weights_shape: tuple[int, ...]
+    pixels_per_deg: float
+    radius_px: int | None
+    wider: float
+
+    @property
+    def weights(self) -> NDArray[np.float64]:
+        """(wavelength, …)."""
+        return np.frombuffer(self.weights_bytes).reshape(self.weights_shape)
+
+    @property
+    def reach_px(self) -> int:
+        """How far the kernel reaches to each side."""
+        return kernel_radius_px(self.pixels_per_deg, self.wider) if self.radius_px is None else self.radius_px
+
+
+def core_kernel(psf: Float[np.ndarray, "n n"], cells: Cells, eye: Straylight) -> NDArray[np.float64]:
+    """What of a kernel is wave optics', as far as the field reaches."""
+    used, taper = _field(len(psf))
+    radius_px = min(spectrum.kernel_radius_px(used, cells.pixels_per_deg), cells.reach_px)
+    of_core = core_weights(len(psf), cells, eye)
+    return spectrum.scaled_kernel(
+        psf, np.array(cells.nm), of_core, cells.pixels_per_deg, taper=taper, radius_px=radius_px
+    )
+
+
+def core_weights(n: int, cells: Cells, eye: Straylight) -> NDArray[np.float64]:
+    """The weights, each less what its wavelength has beyond the core of an n × n plane."""
+    used, _ = _field(n)
+    in_core = np.array(
+        [shares(nm, used, eye.age_years, eye.pigmentation, cells.wider, scatter=eye.scatter)[0] for nm in cells.nm]
+    )
+    return cells.weights * in_core.reshape(-1, *[1] * (cells.weights.ndim - 1))
+
+
+def joined(core: NDArray[np.float64], n: int, cells: Cells, eye: Straylight) -> tuple[NDArray[np.float64], float]:
+    """The kernel, with CIE's part around and under the core of an n × n plane, and the veil's share."""
+    used, _ = _field(n)
+    kernel = _cie_near(used, cells, eye).copy()
+    margin = (kernel.shape[-1] - core.shape[-1]) // 2
+    inner = slice(margin, kernel.shape[-1] - margin)
+    kernel[..., inner, inner] += core
+    return kernel, _veil_share(eye.age_years, eye.pigmentation, cells.wider)
 
 
 def _field(n: int) -> tuple[int, tuple[float, float]]:
@@ -146,58 +215,17 @@ def _field(n: int) -> tuple[int, tuple[float, float]]:
     return used, (FIELD_TAPER[0] * used / n, FIELD_TAPER[1] * used / n)
 
 
-def _core_weights(
-    nm: NDArray[np.float64],
-    weights: NDArray[np.float64],
-    n: int,
-    age_years: float,
-    pigmentation: float,
-    scatter: ScatterShares,
-) -> tuple[NDArray[np.float64], float]:
-    """The weights, each less what its wavelength has beyond the core, and the veil's share."""
-    parts = np.array([shares(float(wavelength), n, age_years, pigmentation, scatter=scatter) for wavelength in nm])
-    return weights * parts[:, 0].reshape(-1, *[1] * (weights.ndim - 1)), float(parts[0, 2])
-
-
-def _joined(
-    core: NDArray[np.float64],
-    nm: NDArray[np.float64],
-    weights: NDArray[np.float64],
-    n: int,
-    pixels_per_deg: float,
-    age_years: float,
-    pigmentation: float,
-    scatter: ScatterShares,
-) -> NDArray[np.float64]:
-    kernel = _cie_near(
-        tuple(nm), weights.tobytes(), weights.shape, n, pixels_per_deg, age_years, pigmentation, scatter
-    ).copy()
-    margin = (kernel.shape[-1] - core.shape[-1]) // 2
-    inner = slice(margin, kernel.shape[-1] - margin)
-    kernel[..., inner, inner] += core
-    return kernel
-
-
-@functools.lru_cache(maxsize=8)
-def _cie_near(
-    nm: tuple[float, ...],
-    weights_bytes: bytes,
-    weights_shape: tuple[int, ...],
-    n: int,
-    pixels_per_deg: float,
-    age_years: float,
-    pigmentation: float,
-    scatter: ScatterShares,
-) -> NDArray[np.float64]:
+@functools.lru_cache(maxsize=32)
+def _cie_near(n: int, cells: Cells, eye: Straylight) -> NDArray[np.float64]:
     """CIE's part of the kernel, beyond the core's field and unresolved within: the same for every pupil."""
-    weights = np.frombuffer(weights_bytes).reshape(weights_shape)
-    radius = kernel_radius_px(pixels_per_deg)
-    flat = weights.reshape(len(nm), -1)
+    radius = cells.reach_px
+    flat = cells.weights.reshape(len(cells.nm), -1)
     channels = np.empty((flat.shape[1], 2 * radius + 1, 2 * radius + 1))
     for channel in range(flat.shape[1]):
 
         def density(deg: Angles, of_channel: tuple[float, ...] = tuple(flat[:, channel])) -> Angles:
-            return beyond_core(deg, nm, of_channel, n, age_years, pigmentation, scatter=scatter) * (1 - veil_part(deg))
+            beyond = beyond_core(deg, cells.nm, of_channel, n, eye.age_years, eye.pigmentation, scatter=eye.scatter)
+            return beyond * (1 - veil_part(deg, cells.wider))
 
-        channels[channel] = radial.pixel_integrated(density, pixels_per_deg, radius, radius)
-    return channels.reshape(*weights_shape[1:], *channels.shape[1:])
+        channels[channel] = radial.pixel_integrated(density, cells.pixels_per_deg, radius, radius)
+    return channels.reshape(*cells.weights_shape[1:], *channels.shape[1:])

@@ -15,6 +15,7 @@ from entoptic.pipeline.optics import analytic, flare_lines, light_spectra, radia
 from entoptic.pipeline.optics.aperture import Pose, legal_pupil_diameter_mm
 from entoptic.pipeline.optics.flare_lines import Flare
 from entoptic.pipeline.optics.monochromatic import monochromatic as monochromatic
+from entoptic.pipeline.optics.moving_kernel import moving_kernel
 
 GRID = 2048
 """Samples along the pupil plane: the least power of two that resolves the lens fibres."""
@@ -42,7 +43,7 @@ def mixture(model: GlareModel, observer: Observer, pose: Pose, adapted_cd_m2: fl
     match model:
         case GlareModel.WAVE if pose.lens_m is not None:
             # A deformed lens is never the same again.
-            return ((wave_component(observer, pose, pixels_per_deg), 1.0),)
+            return ((_moving(observer, pose, pixels_per_deg), 1.0),)
         case GlareModel.WAVE if not rests(observer, pose):
             return ((_posed(observer, pose, pixels_per_deg), 1.0),)
         case GlareModel.WAVE:
@@ -138,7 +139,15 @@ def rests(observer: Observer, pose: Pose) -> bool:
 def _posed(observer: Observer, pose: Pose, pixels_per_deg: float) -> Component:
     """The kernel of an eye that holds still, but not at rest: squinting. It has the pupil's own diameter: in an eye in
     motion those at other diameters would never serve again."""
-    return wave_component(observer, pose, pixels_per_deg)
+    return _moving(observer, pose, pixels_per_deg)
+
+
+def _moving(observer: Observer, pose: Pose, pixels_per_deg: float) -> Component:
+    """The kernel of an eye in motion, made for it alone."""
+    nm, weights = light_spectra.primary_weights(light_spectra.wavelengths_for(pixels_per_deg))
+    make = moving_kernel(observer, pose, pupil_steps(pose.pupil_diameter_mm))
+    kernel, share = make(nm, weights, pixels_per_deg)
+    return component(kernel, cie_veil(observer), share)
 
 
 @functools.lru_cache(maxsize=25)
