@@ -53,9 +53,9 @@ def _resting(observer: Observer, n: int) -> Complex[np.ndarray, "k k"]:
 def _cloud(observer: Observer, pose: Pose, n: int, m: int) -> Complex[np.ndarray, "m m"]:
     """The middle m × m samples, m odd, of an n × n plane; each particle on the four samples around it."""
     places = [
-        cornea.places_m(_random(observer, 0), POINTS),
-        lens.places_m(_random(observer, 1), POINTS, pose.lens_m),
-        vitreous.places_m(_random(observer, 2), POINTS, pose.vitreous_deg),
+        cornea.places_m((observer.seed, STREAM, 0), POINTS),
+        lens.places_m((observer.seed, STREAM, 1), POINTS, pose.lens_m),
+        vitreous.places_m((observer.seed, STREAM, 2), POINTS, pose.vitreous_deg),
     ]
     x, y = np.concatenate([np.stack(place) for place in places], axis=1) / (PLANE_M / n) + m // 2
     inside = (np.abs(x - m // 2) < m // 2) & (np.abs(y - m // 2) < m // 2)
@@ -68,10 +68,6 @@ def _cloud(observer: Observer, pose: Pose, n: int, m: int) -> Complex[np.ndarray
         share = (down if part[0] else 1 - down) * (right if part[1] else 1 - right)
         np.add.at(box, row * m + column + step, share * amplitude)
     return box.reshape(m, m)
-
-
-def _random(observer: Observer, part: int) -> np.random.Generator:
-    return np.random.default_rng([observer.seed, STREAM, part])
 
 
 @functools.lru_cache(maxsize=4)
@@ -108,10 +104,12 @@ def _weighting(
 ) -> tuple[Float[np.ndarray, "size size"], float]:
     step_deg = bin_deg(WAVELENGTH_NM) * n / size
     index = np.fft.fftfreq(size, 1 / size)
-    deg = np.hypot(index[:, None], index) * step_deg
-    light = straylight.fine_density(deg, WAVELENGTH_NM, age_years, pigmentation, scatter) * math.radians(step_deg) ** 2
-    light[deg > min(n, straylight.FIELD_SAMPLES) / 2 * bin_deg(WAVELENGTH_NM)] = 0
-    total = float(light.sum())
+    # The root of a density that falls smoothly: linear between quarters of a sample.
+    table = np.arange(4 * math.ceil(size / math.sqrt(2)) + 8) / 4
+    light = straylight.fine_density(table * step_deg, WAVELENGTH_NM, age_years, pigmentation, scatter)
+    light[table * step_deg > min(n, straylight.FIELD_SAMPLES) / 2 * bin_deg(WAVELENGTH_NM)] = 0
+    root = np.interp(np.hypot(index[:, None], index), table, np.sqrt(light) * math.radians(step_deg))
+    total = float(np.square(root).sum())
     # A point between two samples has (2 + cos k)/3 of its light at k radians a sample, on average over its place.
-    line = (2 + np.cos(2 * np.pi * index / size)) / 3
-    return np.sqrt(light / (line[:, None] * line) / (total or 1.0)).astype(np.float32), total
+    line = np.sqrt((2 + np.cos(2 * np.pi * index / size)) / 3 * math.sqrt(total or 1.0))
+    return (root / line[:, None] / line).astype(np.float32), total

@@ -7,6 +7,7 @@ part of the plane is drawn once.
 
 from __future__ import annotations
 
+import functools
 import math
 
 import numpy as np
@@ -59,29 +60,37 @@ def shade(
     lens_m: Float[np.ndarray, "17 17"] | None = None,
 ) -> None:
     """Puts the lens' particles before the plane, in place: opaque discs (LUI 5.2.1 i)."""
-    random = np.random.default_rng([observer.seed, STREAM])
-    x_m, y_m = places_m(random, observer.particles, lens_m)
-    coverage.shade_discs(transmittance, dx_m, x_m, y_m, diameters_m(observer, random.standard_normal(len(x_m))) / 2)
+    stream = observer.seed, STREAM
+    x_m, y_m = places_m(stream, observer.particles, lens_m)
+    *_, deviates = _body(stream, observer.particles)
+    coverage.shade_discs(transmittance, dx_m, x_m, y_m, diameters_m(observer, deviates) / 2)
 
 
 def places_m(
-    random: np.random.Generator, count: int, lens_m: Float[np.ndarray, "17 17"] | None = None
+    stream: tuple[int, ...], count: int, lens_m: Float[np.ndarray, "17 17"] | None = None
 ) -> tuple[Float[np.ndarray, " particle"], Float[np.ndarray, " particle"]]:
-    """Places right of and below the axis.
+    """Places right of and below the axis, from a random stream.
 
     At rest they lie uniformly over the plane's inscribed disc, and uniformly in depth. `lens_m` is the deformed lens'
     radial displacement in metres, outward positive, on a grid of depth (rows, share of the lens' thickness) and radius
     (columns, share of `lens_springs.RADIUS_M`); a particle takes it bilinearly at its own depth and radius, its azimuth
     stays.
     """
-    radius = np.sqrt(random.random(count))
-    azimuth, depth = random.random(count) * 2 * np.pi, random.random(count)
-    distance_m = RADIUS_M * radius
+    distance_m, right, down, depth, _ = _body(stream, count)
     if lens_m is not None:
         rows, columns = lens_m.shape
         place = [depth * (rows - 1), distance_m / lens_springs.RADIUS_M * (columns - 1)]
         distance_m = distance_m + map_coordinates(lens_m, place, order=1)
-    return distance_m * np.cos(azimuth), distance_m * np.sin(azimuth)
+    return distance_m * right, distance_m * down
+
+
+@functools.lru_cache(maxsize=4)
+def _body(stream: tuple[int, ...], count: int) -> tuple[Float[np.ndarray, " particle"], ...]:
+    """Of each particle at rest its distance from the axis in metres, its direction, its depth and a normal deviate."""
+    random = np.random.default_rng(stream)
+    radius = np.sqrt(random.random(count))
+    azimuth, depth = random.random(count) * 2 * np.pi, random.random(count)
+    return RADIUS_M * radius, np.cos(azimuth), np.sin(azimuth), depth, random.standard_normal(count)
 
 
 def fibres(observer: Observer, n: int) -> Float[np.ndarray, "n n"]:

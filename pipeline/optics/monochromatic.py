@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import math
+from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Complex, Float
 
 from entoptic.pipeline.observer import Observer
 from entoptic.pipeline.optics import aperture, diffraction, fine_scatter
@@ -30,19 +31,28 @@ def monochromatic(
     Raises OpticsError as aperture.pupil_box does.
     """
     number = np.complex128 if double else np.complex64
-    box = aperture.pupil_box(observer, pose, n, wavelength_nm, vitreous_apart=vitreous_apart).astype(number, copy=False)
-    points = fine_scatter.points(observer, pose, n, wavelength_nm).astype(number, copy=False)
-    if vitreous_apart:
-        later = aperture.later_planes(observer, pose, n)
-        box = diffraction.through_planes(aperture.placed(box, n), later, wavelength_nm)
-        points = aperture.placed(points, n)
     size = n if size is None else size
-    field = diffraction.field_of(box, size)
+
+    def of_points() -> tuple[Complex[np.ndarray, "size size"], float]:
+        """The fine particles' field before it is weighted by the angle, and their power."""
+        points = fine_scatter.points(observer, pose, n, wavelength_nm).astype(number, copy=False)
+        placed = aperture.placed(points, n) if vitreous_apart else points
+        return diffraction.field_of(placed, size), fine_scatter.power(points)
+
+    # Neither field needs the other, and each keeps one core busy.
+    with ThreadPoolExecutor(1) as beside:
+        fine = beside.submit(of_points)
+        box = aperture.pupil_box(observer, pose, n, wavelength_nm, vitreous_apart=vitreous_apart)
+        box = box.astype(number, copy=False)
+        if vitreous_apart:
+            later = aperture.later_planes(observer, pose, n)
+            box = diffraction.through_planes(aperture.placed(box, n), later, wavelength_nm)
+        field = diffraction.field_of(box, size)
+        scattered, power = fine.result()
     weight, share = fine_scatter.weighting(n, size, observer)
-    power = fine_scatter.power(points)
-    if share and power:
-        scattered = diffraction.field_of(points, size)
-        scattered *= weight
-        scattered *= number(size * math.sqrt(share / (1 - share) * diffraction.power(box) / power))
-        field += scattered
+    if power and share:
+        # Part by part: a complex array times a real one is made complex first.
+        weight = weight * (size * math.sqrt(share / (1 - share) * diffraction.power(box) / power))
+        field.real += scattered.real * weight
+        field.imag += scattered.imag * weight
     return diffraction.intensity(field)

@@ -30,8 +30,11 @@ from entoptic.pipeline.optics.whole import Cells, Straylight
 
 FINE, COARSE = 2048, 1024
 """Samples along the plane of the eye at rest, and along that of what moves."""
-SIZES = (320, 384, 448, 512, 576, 640, 720, 800, 900, 1024)
-"""At which the lit part of the coarse plane is transformed."""
+SIZES = (256, 288, 320, 360, 400, 432, 480, 512, 540, 576, 600, 640, 675, 720, 768, 810, 864, 900, 960, 1024)
+"""At which the lit part of the coarse plane is transformed; of the fine one, at twice that up to `WIDE_PER_DEG`."""
+WIDE_PER_DEG = 12.0
+"""Up to so many cells per degree the eye at rest too is transformed no wider than the pupil needs. Engineering choice:
+wider, the samples would be as wide as a good part of a cell."""
 ROOM = 1.12
 """How much wider than the pupil that is. Engineering choice: the light of pixels of 0.05° and more is then within 0.5 %
 of that of any wider one; without room it is 2–4 % off, as samples fall onto Airy's dark rings."""
@@ -90,8 +93,10 @@ def moving_kernel(observer: Observer, pose: Pose, steps: Sequence[tuple[float, f
         wider: float = 1.0,
     ) -> tuple[NDArray[np.float64], float]:
         cells = Cells(tuple(nm.tolist()), weights.tobytes(), weights.shape, pixels_per_deg, radius_px, wider)
-        focus_d = _nearest_focus_d(observer, pose, pixels_per_deg)
-        rests = [(_rest(observer, mm, focus_d, cells, eye), weight) for mm, weight in steps]
+        rests = [
+            (_rest(observer, mm, _nearest_focus_d(observer, pose.defocus_d, mm, pixels_per_deg), cells, eye), weight)
+            for mm, weight in steps
+        ]
 
         def mean(of: Callable[[_Rest], Any]) -> Any:
             return functools.reduce(np.add, [weight * of(rest) for rest, weight in rests])
@@ -108,9 +113,10 @@ def moving_kernel(observer: Observer, pose: Pose, steps: Sequence[tuple[float, f
     return kernel
 
 
-def _nearest_focus_d(observer: Observer, pose: Pose, pixels_per_deg: float) -> float:
-    step_d = BLUR_PX * math.radians(1 / pixels_per_deg) / pose.diameter_m
-    return observer.defocus_d + step_d * round((pose.defocus_d - observer.defocus_d) / step_d)
+def _nearest_focus_d(observer: Observer, defocus_d: float, pupil_diameter_mm: float, pixels_per_deg: float) -> float:
+    """One of few for each pupil, so that it serves again."""
+    step_d = BLUR_PX * math.radians(1 / pixels_per_deg) / (pupil_diameter_mm * 1e-3)
+    return observer.defocus_d + step_d * round((defocus_d - observer.defocus_d) / step_d)
 
 
 @functools.lru_cache(maxsize=16)
@@ -120,10 +126,11 @@ def _rest(observer: Observer, pupil_diameter_mm: float, focus_d: float, cells: C
     passed = power(aperture.pupil_box(bare, pose, FINE))
     halo_share = 1 - passed / power(aperture.pupil_box(observer, pose, FINE))
     coarse_share = power(aperture.pupil_box(bare, pose, COARSE)) * (FINE / COARSE) ** 2 / passed
-    beyond = whole.core_kernel(_fine_psf(bare, pose), cells, eye)
+    size = 2 * _size(pose) if cells.pixels_per_deg <= WIDE_PER_DEG else FINE
+    beyond = whole.core_kernel(_fine_psf(bare, pose, size), cells, eye, FINE)
     halo = np.zeros(())
     if halo_share:
-        halo = whole.core_kernel(_fine_psf(observer, pose), cells, eye) - (1 - halo_share) * beyond
+        halo = whole.core_kernel(_fine_psf(observer, pose, size), cells, eye, FINE) - (1 - halo_share) * beyond
     _add_inside(beyond, -coarse_share * _coarse(_coarse_psf(observer, pose), cells, eye))
     return _Rest(beyond, coarse_share, halo, halo_share, _fibres(observer, pose))
 
@@ -134,16 +141,20 @@ def _bare(observer: Observer) -> Observer:
 
 
 @functools.lru_cache(maxsize=4)
-def _fine_psf(observer: Observer, pose: Pose) -> Float[np.ndarray, "n n"]:
+def _fine_psf(observer: Observer, pose: Pose, size: int) -> Float[np.ndarray, "size size"]:
     """Kept for cells of other sizes."""
-    return monochromatic(observer, pose, FINE)
+    return monochromatic(observer, pose, FINE, size=size)
 
 
-def _coarse_psf(observer: Observer, pose: Pose) -> Float[np.ndarray, "n n"]:
+def _coarse_psf(observer: Observer, pose: Pose) -> Float[np.ndarray, "size size"]:
     """Without fibres, on the coarse plane."""
+    return monochromatic(_bare(observer), pose, COARSE, size=_size(pose))
+
+
+def _size(pose: Pose) -> int:
+    """At which the lit part of the coarse plane is transformed."""
     wide = ROOM * pose.diameter_m / (PLANE_M / COARSE)
-    size = next((size for size in SIZES if size >= wide), COARSE)
-    return monochromatic(_bare(observer), pose, COARSE, size=size)
+    return next((size for size in SIZES if size >= wide), COARSE)
 
 
 def _coarse(psf: Float[np.ndarray, "n n"], cells: Cells, eye: Straylight) -> NDArray[np.float64]:

@@ -6,6 +6,7 @@ some leave the pupil, others appear. They are projected along the eye's axis (RI
 
 from __future__ import annotations
 
+import functools
 import math
 
 import numpy as np
@@ -31,25 +32,35 @@ def shade(
     turned_deg: tuple[float, float] = (0.0, 0.0),
 ) -> None:
     """Puts the particles before the plane, in place, the sphere's front turned right and up by these angles."""
-    random = np.random.default_rng([observer.seed, STREAM])
-    x_m, y_m = places_m(random, observer.vitreous_particles, turned_deg)
-    coverage.shade_discs(transmittance, dx_m, x_m, y_m, diameters_m(observer, random.standard_normal(len(x_m))) / 2)
+    stream = observer.seed, STREAM
+    x_m, y_m = places_m(stream, observer.vitreous_particles, turned_deg)
+    _, deviates = _sphere(stream, observer.vitreous_particles)
+    coverage.shade_discs(transmittance, dx_m, x_m, y_m, diameters_m(observer, deviates) / 2)
 
 
 def places_m(
-    random: np.random.Generator, before: int, turned_deg: tuple[float, float] = (0.0, 0.0)
+    stream: tuple[int, ...], before: int, turned_deg: tuple[float, float] = (0.0, 0.0)
 ) -> tuple[Float[np.ndarray, " particle"], Float[np.ndarray, " particle"]]:
     """Places right of and below the axis of so many particles that, on average, `before` lie before the inscribed disc.
 
     The sphere is uniformly filled, so turned by any angle it is as good an eye as before.
     """
+    x_m, y_m = turn(turned_deg)[:2] @ _sphere(stream, before)[0]
+    return x_m, y_m
+
+
+@functools.lru_cache(maxsize=4)
+def _sphere(
+    stream: tuple[int, ...], before: int
+) -> tuple[Float[np.ndarray, "3 particle"], Float[np.ndarray, " particle"]]:
+    """Places in the sphere at rest, right, down and backward, and a normal deviate for each particle."""
+    random = np.random.default_rng(stream)
     # The part of the sphere behind the disc is what a cylinder of the disc's width bores out of it.
     bored = 1 - (1 - (coverage.PLANE_M / 2 / RADIUS_M) ** 2) ** 1.5
     count = round(before / bored)
     direction = random.standard_normal((3, count))
     place_m = direction / np.linalg.norm(direction, axis=0) * RADIUS_M * np.cbrt(random.random(count))
-    x_m, y_m, _ = turn(turned_deg) @ place_m
-    return x_m, y_m
+    return place_m, random.standard_normal(count)
 
 
 def turn(turned_deg: tuple[float, float]) -> Float[np.ndarray, "3 3"]:

@@ -180,14 +180,15 @@ class Cells(NamedTuple):
         return kernel_radius_px(self.pixels_per_deg, self.wider) if self.radius_px is None else self.radius_px
 
 
-def core_kernel(psf: Float[np.ndarray, "n n"], cells: Cells, eye: Straylight) -> NDArray[np.float64]:
-    """What of a kernel is wave optics', as far as the field reaches."""
-    used, taper = _field(len(psf))
+def core_kernel(
+    psf: Float[np.ndarray, "size size"], cells: Cells, eye: Straylight, n: int | None = None
+) -> NDArray[np.float64]:
+    """What of a kernel is wave optics', as far as the field of an n × n plane reaches, by default of size × size."""
+    n = len(psf) if n is None else n
+    used, taper = _field(n)
     radius_px = min(spectrum.kernel_radius_px(used, cells.pixels_per_deg), cells.reach_px)
-    of_core = core_weights(len(psf), cells, eye)
-    return spectrum.scaled_kernel(
-        psf, np.array(cells.nm), of_core, cells.pixels_per_deg, taper=taper, radius_px=radius_px
-    )
+    of_core, scale = core_weights(n, cells, eye), cells.pixels_per_deg * n / len(psf)
+    return spectrum.scaled_kernel(psf, np.array(cells.nm), of_core, scale, taper=taper, radius_px=radius_px)
 
 
 def core_weights(n: int, cells: Cells, eye: Straylight) -> NDArray[np.float64]:

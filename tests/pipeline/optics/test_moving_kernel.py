@@ -101,6 +101,13 @@ def test_nothing_jumps_where_the_pupil_passes_a_step() -> None:
         assert off(below, above, *ring) < 0.005
 
 
+def test_kernels_at_rest_serve_again_while_pupil_and_focus_waver() -> None:
+    moving_kernel._rest.cache_clear()
+    for number in range(12):
+        moving(Pose(5.1 + 0.01 * number, defocus_d=0.3 + 0.003 * number, vitreous_deg=(0.1, 0.0)))
+    assert moving_kernel._rest.cache_info().misses == len(STEPS)
+
+
 def test_an_eye_without_fibres_needs_none() -> None:
     bare = Observer(gratings=0)
     pose = Pose(4.0, vitreous_deg=(1.0, 0.0))
