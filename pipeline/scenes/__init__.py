@@ -6,7 +6,11 @@ image_file.py       one HDR file: pixels, repairs, absolute scale
 panorama.py         an equirectangular panorama around the head
 images.py           a picture before the eyes, or a folder of them in turn
 night_street.py     the embedded scene: a street at night in real luminances
+street_plan.py      where what stands in it
+street_rays.py      what each pixel's ray meets
 street_surfaces.py  its sky, ground and facades
+street_facades.py   the buildings
+street_patterns.py  stripes and windows averaged over a pixel
 discs.py            lights that may be smaller than a pixel
 resample.py         other sizes with the same light
 """

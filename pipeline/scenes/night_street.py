@@ -18,17 +18,10 @@ from jaxtyping import Array, Float
 from entoptic.pipeline.frame import Frame, View
 from entoptic.pipeline.scenes.discs import add_discs
 from entoptic.pipeline.scenes.scene import Head, count_eyes, headset_view, rays, rotation
-from entoptic.pipeline.scenes.street_surfaces import (
-    EYE_HEIGHT_M,
-    LAMP_RGB,
-    LAMPS_M,
-    SPEED_M_S,
-    START_M,
-    XENON,
-    arrived,
-    sky_share,
-    surfaces,
-)
+from entoptic.pipeline.scenes.street_facades import sky_share
+from entoptic.pipeline.scenes.street_patterns import reciprocal
+from entoptic.pipeline.scenes.street_plan import EYE_HEIGHT_M, LAMP_RGB, LAMPS_M, SPEED_M_S, START_M, XENON, arrived
+from entoptic.pipeline.scenes.street_surfaces import surfaces
 from entoptic.tracker_bridge.wire import Eye
 
 PUPIL_DISTANCE_M = 0.063
@@ -39,8 +32,8 @@ LAMP_M, LAMP_CD_M2 = 0.1, 1.2e4
 """400 cd along the street."""
 HEADLIGHT_M, DIPPED_CD_M2, FULL_CD_M2 = 0.09, 4e4, 6e5
 """Dipped, 1000 cd each towards an oncoming driver; full beam 1.5e4 cd."""
-POST_M, DARK_CD_M2 = 0.16, 0.02
-"""Lamp posts' width, and the luminance of what stands against the light."""
+POST_M = 0.16
+"""Lamp posts' width."""
 FLASH_S = (4.0, 4.6)
 """When in each approach the full beam is on."""
 MOON_CD_M2, MOON_DEG = 2500.0, 0.26
@@ -96,22 +89,20 @@ class NightStreet:
             side = 0.5 if eye is Eye.RIGHT else -0.5
             place = np.array([0.6, EYE_HEIGHT_M, 0.0], np.float32) + np.float32(side * PUPIL_DISTANCE_M) * axes[:, 0]
             images.append(_street(t_s, axes, place, view))
-        return Frame(jnp.stack(images), view)
+        return Frame(images[0] if len(images) == 1 else jnp.concatenate(images), view)
 
 
-def _street(t_s: float, axes: np.ndarray, eye: np.ndarray, view: View) -> Float[Array, "3 y x"]:
-    # Each stage is compiled alone: in one piece, XLA computes shared values again and takes twice as long.
-    direction = rays(view, jnp.asarray(axes))
+def _street(t_s: float, axes: np.ndarray, eye: np.ndarray, view: View) -> Float[Array, "1 3 y x"]:
     within_s = np.float32(t_s % PERIOD_S)
     oncoming_m = np.float32(START_M - SPEED_M_S * within_s)
     ahead_m = np.float32(AHEAD_M + AHEAD_SPEED_M_S * (t_s % (2 * PERIOD_S)))
     full_beam = np.bool_(FLASH_S[0] <= within_s < FLASH_S[1])
-    image = surfaces(direction, axes, eye, oncoming_m, view)
-    image = _silhouettes(image, direction, axes, eye, oncoming_m, ahead_m, view)
+    hidden = _silhouettes(axes, eye, oncoming_m, ahead_m, view)
+    image = surfaces(axes, eye, oncoming_m, hidden, view)
     return _lit(image, axes, eye, oncoming_m, ahead_m, full_beam, view)
 
 
-@functools.partial(jax.jit, static_argnames="view")
+@functools.partial(jax.jit, static_argnames="view", donate_argnames="image")
 def _lit(
     image: Float[Array, "3 y x"],
     axes: Float[Array, "3 3"],
@@ -120,9 +111,9 @@ def _lit(
     ahead_m: Float[Array, ""],
     full_beam: Array,
     view: View,
-) -> Float[Array, "3 y x"]:
+) -> Float[Array, "1 3 y x"]:
     image = _sky_lights(image, axes, eye, view)
-    return _discs(image, _lights(oncoming_m, ahead_m, full_beam), axes, eye, view)
+    return _discs(image, _lights(oncoming_m, ahead_m, full_beam), axes, eye, view)[None]
 
 
 def _project(at: Float[Array, "*n 3"], axes: Float[Array, "3 3"], view: View) -> tuple[Array, Array, Array]:
@@ -136,25 +127,18 @@ def _project(at: Float[Array, "*n 3"], axes: Float[Array, "3 3"], view: View) ->
 
 @functools.partial(jax.jit, static_argnames="view")
 def _silhouettes(
-    image: Float[Array, "3 y x"],
-    direction: Float[Array, "3 y x"],
-    axes: Float[Array, "3 3"],
-    eye: Array,
-    oncoming_m: Array,
-    ahead_m: Array,
-    view: View,
-) -> Float[Array, "3 y x"]:
-    """The dark things that stand in the street."""
-    hidden = jnp.maximum(_posts(direction, axes, eye, view), _boxes(direction, axes, eye, oncoming_m, ahead_m, view))
-    hidden = jax.lax.optimization_barrier(hidden)
-    return image + hidden * (np.float32(DARK_CD_M2) - image)
+    axes: Float[Array, "3 3"], eye: Array, oncoming_m: Array, ahead_m: Array, view: View
+) -> Float[Array, "y x"]:
+    """What the dark things that stand in the street cover of each pixel."""
+    direction = rays(view, axes)
+    return jnp.maximum(_posts(direction, axes, eye, view), _boxes(direction, axes, eye, oncoming_m, ahead_m, view))
 
 
 def _posts(direction: Float[Array, "3 y x"], axes: Float[Array, "3 3"], eye: Array, view: View) -> Float[Array, "y x"]:
     """Lamp posts."""
     x, y, z = direction
     level = jax.lax.rsqrt(x * x + z * z + np.float32(1e-6))
-    x, y, z, spread = jax.lax.optimization_barrier((x * level, y * level, z * level, np.float32(view.focal_px) / level))
+    x, y, z, spread = x * level, y * level, z * level, np.float32(view.focal_px) / level
     hidden = jnp.zeros_like(x)
     for lamp_x, height, lamp_z in LAMPS_M:
         to_x, to_z = lamp_x - eye[0], lamp_z - eye[2]
@@ -167,7 +151,7 @@ def _posts(direction: Float[Array, "3 y x"], axes: Float[Array, "3 3"], eye: Arr
         across = jax.lax.rsqrt(jnp.maximum(to_x * to_x + to_z * to_z - off_axis * off_axis, np.float32(0.01)))
         # Products of clipped edges, no booleans: those XLA does not turn into vector code.
         cover = _covered(beside, np.float32(POST_M / 2), spread * across) * jnp.clip(along - np.float32(0.5), 0, 1)
-        per_m = spread / jnp.maximum(along, np.float32(0.5))
+        per_m = spread * reciprocal(jnp.maximum(along, np.float32(0.5)))
         cover *= jnp.clip(meets_y * per_m + np.float32(0.5), 0, 1)
         hidden = jnp.maximum(hidden, cover * jnp.clip((height - meets_y) * per_m + np.float32(0.5), 0, 1))
     return hidden
@@ -189,7 +173,7 @@ def _boxes(
     """Signals on their posts, and two cars: one comes, one drives ahead."""
     x, y, z = direction
     nearness = jnp.maximum(z, np.float32(1e-4))
-    inverse = 1 / nearness
+    inverse = reciprocal(nearness)
     x, y = x * inverse, y * inverse
     # Pixels per metre across and upwards, on a plane a metre ahead that need not face the eye.
     wide, tall = (
@@ -203,12 +187,13 @@ def _boxes(
     hidden = jnp.zeros_like(x)
     for x_m, z_m, parts in ((-2.0, oncoming_m, car), (2.0, ahead_m, car), (SIGNALS_X_M, SIGNALS_Z_M, signal)):
         depth = jnp.maximum(z_m + np.float32(0.05) - eye[2], np.float32(0.1)).astype(jnp.float32)
+        nearer = 1 / depth
         at_x, at_y = eye[0] + depth * x, eye[1] + depth * y
         off = (jnp.abs(at_x) if parts is signal else at_x) - np.float32(x_m)
         for half_m, low_m, high_m in parts:
             middle, half_height = np.float32((low_m + high_m) / 2), np.float32((high_m - low_m) / 2)
-            cover = _covered(off, np.float32(half_m), wide / depth)
-            cover *= _covered(at_y - middle, half_height, tall / depth)
+            cover = _covered(off, np.float32(half_m), wide * nearer)
+            cover *= _covered(at_y - middle, half_height, tall * nearer)
             hidden = jnp.maximum(hidden, cover * (depth > 0.5))
     return hidden * (z > np.float32(1e-3))
 
