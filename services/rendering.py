@@ -7,7 +7,7 @@ import time
 from collections.abc import Callable, Iterable
 
 from entoptic.pipeline import EyePose, Frame, Perceived, RenderState, View, perceive
-from entoptic.pipeline.budget import SHIPPED, CostModel, Timing, corrected
+from entoptic.pipeline.budget import SCENE, SHIPPED, CostModel, Timing, corrected
 from entoptic.pipeline.optics.ocular_dynamics import SaccadeImpulse
 from entoptic.pipeline.scenes import Head, Scene
 from entoptic.pipeline.warm_up import warm_up
@@ -33,6 +33,20 @@ class Rendered:
     frame: Frame
     perceived: Perceived
     scene_ms: float
+    """What making the frame took."""
+    reuses_frame: bool = False
+    """Whether it was on show already."""
+
+    @property
+    def total_ms(self) -> float:
+        """The frame's work: making it and perceiving it."""
+        return self.scene_ms + sum(self.perceived.milliseconds.values())
+
+    @property
+    def timings(self) -> list[Timing]:
+        """What took how long, for a cost model."""
+        made = Timing(SCENE, "whole", self.perceived.image.size / 3e6, self.scene_ms)
+        return self.perceived.timings + ([] if self.reuses_frame else [made])
 
 
 class Rendering:
@@ -52,6 +66,7 @@ class Rendering:
         self.costs = costs
         self.memory = memory
         """What the eyes remember after the last frame."""
+        self._last: Frame | None = None
 
     def render(
         self,
@@ -69,8 +84,9 @@ class Rendering:
         scene_ms = (time.perf_counter() - begun) * 1e3
         poses = tuple(pose_of(state, eye, impulses) for eye in self._eyes)
         perceived = _perceive(frame, poses, self.perception, self.memory, dt_s, self.costs)
+        reuses_frame, self._last = frame is self._last, frame
         self.memory = perceived.state
-        return Rendered(frame_number, t_s, state, poses, frame, perceived, scene_ms)
+        return Rendered(frame_number, t_s, state, poses, frame, perceived, scene_ms, reuses_frame)
 
     def correct(self, timings: Iterable[Timing]) -> None:
         """Lets the costs follow what a frame took."""

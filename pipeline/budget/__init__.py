@@ -10,12 +10,13 @@ steady.py        the same from frame to frame: hysteresis and cross-fades
 """
 
 from entoptic.pipeline.budget.choose import TOLERANCE_CODE_VALUES, Option, choose, counted_error, option_at
-from entoptic.pipeline.budget.costs import SHIPPED, CostModel, Timing, calibrate, corrected, fitted
-from entoptic.pipeline.budget.device_costs import costs_file, device_name, load, save
+from entoptic.pipeline.budget.costs import SCENE, SHIPPED, CostModel, Timing, calibrate, corrected, fitted
+from entoptic.pipeline.budget.device_costs import costs_file, device_name, load, processor_name, save
 from entoptic.pipeline.budget.steady import Choice, settle
 from entoptic.pipeline.effects.effect import Cost
 
 __all__ = [
+    "SCENE",
     "SHIPPED",
     "TOLERANCE_CODE_VALUES",
     "Choice",
@@ -32,6 +33,7 @@ __all__ = [
     "fitted",
     "load",
     "option_at",
+    "processor_name",
     "save",
     "settle",
 ]

@@ -48,6 +48,10 @@ class Timing(NamedTuple):
     milliseconds: float
 
 
+SCENE = "scene"
+"""The part of a frame that is its making. Frames that are given have none."""
+
+
 @dataclasses.dataclass(frozen=True)
 class CostModel:
     """Predicted times on one device."""
@@ -64,6 +68,14 @@ class CostModel:
         Raises FrameError for an effect that has no figure at all.
         """
         return self._cost(effect, level, megapixels).ms(megapixels) * self.pace * self.own.get((effect, level), 1.0)
+
+    def beside_scene(self, cost: Cost) -> CostModel:
+        """The same where making a frame takes this."""
+        return dataclasses.replace(self, costs={**self.costs, SCENE: {"whole": cost}})
+
+    def scene_ms(self, megapixels: float) -> float:
+        """Predicted time of making a frame."""
+        return self.ms(SCENE, "whole", megapixels) if SCENE in self.costs else 0.0
 
     def _cost(self, effect: str, level: str, megapixels: float) -> Cost:
         levels = self.costs.get(effect)

@@ -34,7 +34,7 @@ def device_name() -> str:
     if device.platform != "cpu":
         return str(device.device_kind)
     cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
-    return f"{_processor()}, {cores} cores"
+    return f"{processor_name()}, {cores} cores"
 
 
 def costs_file(folder: Path, device: str | None = None) -> Path:
@@ -78,8 +78,8 @@ def save(model: CostModel, folder: Path, device: str | None = None) -> Path:
     return path
 
 
-def _processor() -> str:
-    """Its name, as the system gives it."""
+def processor_name() -> str:
+    """As the system gives it."""
     try:
         text = Path("/proc/cpuinfo").read_text(encoding="utf-8", errors="replace")
     except OSError:

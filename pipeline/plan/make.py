@@ -110,10 +110,11 @@ class _Planner:
         return Planned(Plan(steps, bound), choices, {} if planning.everything else _affected(chains))
 
     def _fixed_ms(self) -> float:
-        """What every frame takes, whatever is planned."""
+        """What every frame takes, its making included, whatever is planned."""
         parts = [(part, "whole") for part in PARTS]
         parts += [(effect.name, self._full[effect.name]) for effect in self._fixed]
-        return sum(self._costs.ms(part, level, self._megapixels) for part, level in parts)
+        here_ms = sum(self._costs.ms(part, level, self._megapixels) for part, level in parts)
+        return here_ms + self._costs.scene_ms(self._megapixels)
 
     def _least_ms(self) -> float:
         """What the cheapest of all levels that run takes."""
@@ -185,7 +186,15 @@ class _Planner:
         if choice is None and effect.optional:
             return Step(name, OFF, "switched off in the settings")
         level = full if choice is None else choice.level
-        reason = reason_of(effect, level, self._eyes, self._settings[name], self._planning, found)
+        reason = reason_of(
+            effect,
+            level,
+            self._eyes,
+            self._settings[name],
+            self._planning,
+            found,
+            self._costs.scene_ms(self._megapixels),
+        )
         if choice is None:
             return Step(name, full, reason)
         reduced = [found.get(each) for each in choice.weights if each != full]

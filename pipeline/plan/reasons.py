@@ -12,6 +12,9 @@ from entoptic.pipeline.eye_context import EyeContext
 from entoptic.pipeline.plan.settings import Planning
 from entoptic.pipeline.words import number
 
+NAMED_SHARE = 0.25
+"""Of a budget, from which on the scene is named. Engineering choice."""
+
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Reduced:
@@ -35,11 +38,18 @@ def reason_of(
     settings: Any,
     planning: Planning,
     found: Mapping[str, Reduced],
+    scene_ms: float = 0.0,
 ) -> str:
-    """Why an effect is at this level; `found` is what its reduced levels may change."""
+    """Why an effect is at this level; `found` is what its reduced levels may change.
+
+    `scene_ms` is what of a budget the making of the frame takes.
+    """
     budget_ms, tolerance = planning.budget_ms, planning.tolerance_code_values
+    budget = "" if budget_ms is None else f"{budget_ms:g} ms"
+    if budget_ms is not None and scene_ms > NAMED_SHARE * budget_ms:
+        budget += f", of which the scene takes {number(scene_ms)}"
     if effect.name in planning.leave_out:
-        return "left out as asked" if budget_ms is None else f"nothing more fits {budget_ms:g} ms"
+        return "left out as asked" if budget_ms is None else f"nothing more fits {budget}"
     if (required := effect.required(eyes, settings)) is not None:
         return required
     if planning.everything:
@@ -54,7 +64,7 @@ def reason_of(
         stays = "; it stays until that has lasted 0.5 s" if fits else ""
         return f"{why}: without it, {_change(reduced)}{stays}"
     short = "without it" if level == SKIPPED else f"with no more than {level}"
-    within = "" if fits or budget_ms is None else f"; more does not fit {budget_ms:g} ms"
+    within = "" if fits or budget_ms is None else f"; more does not fit {budget}"
     return f"{why}: {short}, {_change(reduced)}{within}"
 
 

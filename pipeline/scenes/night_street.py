@@ -15,6 +15,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from entoptic.pipeline.effects.effect import Cost
 from entoptic.pipeline.frame import Frame, View
 from entoptic.pipeline.scenes.discs import add_discs
 from entoptic.pipeline.scenes.scene import Head, count_eyes, headset_view, rays, rotation
@@ -75,6 +76,8 @@ class NightStreet:
 
     name = "night street"
     notes = ("night street: computed, absolute luminances from 0.003 (sky) to 6e5 cd/m² (headlights).",)
+
+    cost = Cost(0.5, 24.0)
 
     def view_for(self, width_px: int | None, height_px: int | None, fov_deg: float) -> View:
         """Any view."""

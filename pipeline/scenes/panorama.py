@@ -21,6 +21,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
+from entoptic.pipeline.effects.effect import Cost
 from entoptic.pipeline.frame import LUMINANCE_WEIGHTS, Cleaned, Frame, View
 from entoptic.pipeline.scenes.image_file import HdrFile, band_solid_angles
 from entoptic.pipeline.scenes.resample import area_mean
@@ -60,6 +61,11 @@ class Panorama:
         about = f"{file.header.path.name}: an equirectangular panorama, it follows the head."
         rgb = file.rgb * np.float32(cd_m2_per_unit)
         return cls(rgb, f"panorama {file.header.path.name}", (about, *notes), file.cleaned)
+
+    @property
+    def cost(self) -> Cost:
+        """Of a head that moves."""
+        return Cost(0.5, 27.0)
 
     def view_for(self, width_px: int | None, height_px: int | None, fov_deg: float) -> View:
         """Any view."""

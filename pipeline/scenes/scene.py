@@ -15,6 +15,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from entoptic.pipeline.effects.effect import Cost
 from entoptic.pipeline.frame import Frame, FrameError, View
 from entoptic.tracker_bridge.wire import Eye
 
@@ -45,6 +46,11 @@ class Scene(Protocol):
     @property
     def notes(self) -> tuple[str, ...]:
         """What was assumed or repaired on opening, a sentence each: scale, bad pixels, panorama or picture."""
+        ...
+
+    @property
+    def cost(self) -> Cost:
+        """Of making a frame, on two cores at 2.5 GHz, as those of effects: budgets count it."""
         ...
 
     def view_for(self, width_px: int | None, height_px: int | None, fov_deg: float) -> View:

@@ -19,6 +19,8 @@ BEHIND_SHARE = 0.1
 """Of frames left out: from here on motion is seen to stutter. Engineering choice."""
 LATE_MS = 250.0
 """A blink lasts that long: what is shown belongs to another moment. Engineering choice."""
+SCENE_SHARE = 0.5
+"""Of a frame's work: beyond it no budget for effects helps as much as another scene."""
 LITTLE_BYTES, VERY_LITTLE_BYTES = 2_000_000_000, 200_000_000
 """An hour's recording and a minute's, roughly."""
 
@@ -127,6 +129,8 @@ def _of_frames(now: Snapshot) -> Iterator[Problem]:
     worker = now.worker
     if worker is None or worker.preparing:
         return
+    scene = _of_scene(worker)
+    remedy = "another scene" if scene else "a time budget under Plan"
     if now.frames_silent_s is not None and now.frames_silent_s > NO_FRAMES_S:
         yield problem(
             "no frames",
@@ -140,13 +144,20 @@ def _of_frames(now: Snapshot) -> Iterator[Problem]:
         yield problem(
             "worker behind",
             "warning",
-            f"The worker leaves out {100 * now.dropped_share:.0f} % of the frames{reached}{asked}",
-            "Choose fewer pixels, fewer frames a second, or a time budget under Plan",
+            f"The worker leaves out {100 * now.dropped_share:.0f} % of the frames{reached}{asked}{scene}",
+            f"Choose fewer pixels, fewer frames a second, or {remedy}",
         )
     elif now.latency_p95_ms is not None and now.latency_p95_ms > LATE_MS:
         yield problem(
             "late",
             "warning",
-            f"From a sample to its light it takes up to {now.latency_p95_ms:.0f} ms (95 % of frames)",
-            "Choose fewer pixels or a time budget under Plan",
+            f"From a sample to its light it takes up to {now.latency_p95_ms:.0f} ms (95 % of frames){scene}",
+            f"Choose fewer pixels or {remedy}",
         )
+
+
+def _of_scene(worker: WorkerStatus) -> str:
+    """That it is the scene that is slow, if it is."""
+    if worker.scene_ms is None or worker.frame_ms is None or worker.scene_ms <= SCENE_SHARE * worker.frame_ms:
+        return ""
+    return f"; making the scene takes {worker.scene_ms:.0f} of {worker.frame_ms:.0f} ms of a frame"

@@ -113,6 +113,10 @@ class WorkerStatus(msgspec.Struct, frozen=True, kw_only=True, tag_field="of", ta
     fps: float | None = None
     """Asked for."""
     reached_fps: float | None = None
+    scene_ms: float | None = None
+    """Median of what making a frame took lately."""
+    frame_ms: float | None = None
+    """The same of all its work."""
     dropped: int | None = None
     """Frames left out so far."""
     preparing: bool = False

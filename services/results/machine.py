@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import contextlib
 import functools
 import platform
 from importlib.metadata import version
-from pathlib import Path
 
 import jax
 
+from entoptic.pipeline.budget import processor_name
 from entoptic.threads import fix_threads
 
 LIBRARIES = ("jaxlib", "numpy", "scipy")
@@ -21,14 +20,4 @@ def machine() -> str:
     """Processor, threads, graphics card and libraries, for a person, and to be compared."""
     cards = sorted({device.device_kind for device in jax.devices() if device.platform != "cpu"})
     libraries = [f"{name} {version(name)}" for name in LIBRARIES]
-    return ", ".join([_processor(), f"{fix_threads()} threads", *cards, *libraries])
-
-
-def _processor() -> str:
-    name = platform.processor()
-    with contextlib.suppress(OSError):
-        for line in Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines():
-            if line.startswith("model name"):
-                name = line.partition(":")[2].strip()
-                break
-    return f"{name} ({platform.machine()})" if name else platform.machine()
+    return ", ".join([f"{processor_name()} ({platform.machine()})", f"{fix_threads()} threads", *cards, *libraries])

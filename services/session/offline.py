@@ -85,7 +85,7 @@ def keep(opened: OpenedSession, final: Path, stop: Stop, console: Console) -> Ou
 def _render(opened: OpenedSession, folder: Path, stop: Stop, work: Work) -> Outcome:
     """The same session gives the same frames on every machine: costs stay as they are."""
     view, settings = opened.config.view, opened.config.settings
-    rendering = Rendering(opened.scene, opened.view, EYES[view.eyes], settings, SHIPPED)
+    rendering = Rendering(opened.scene, opened.view, EYES[view.eyes], settings, SHIPPED.beside_scene(opened.scene.cost))
     work.stage = "compiling"
     source = _viewing_eyes(opened, folder)
     warm_up_s = rendering.warm_up(stop)

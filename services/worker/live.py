@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import collections
 import contextlib
+import statistics
 import threading
 import time
 from pathlib import Path
@@ -48,6 +49,8 @@ GONE_S = 3.0
 heartbeats."""
 STALE_NS = 500_000_000
 """An older state has no latency: no sample has come for a while, or its time is another machine's."""
+WORK_FRAMES = 24
+"""Of which a status says what a frame takes. Engineering choice: a second's."""
 LOOKS_UP_S = 0.05
 """A loop that waits looks so often whether it is to stop."""
 
@@ -83,6 +86,9 @@ class LiveWorker:
         self._refused: Problem | None = None
         """Why settings were taken back."""
         self._recent: collections.deque[int] = collections.deque()
+        """When each of the last second's frames was kept."""
+        self._work_ms: collections.deque[tuple[float, float]] = collections.deque(maxlen=WORK_FRAMES)
+        """Of the last frames: making it, and all of it."""
         self._preparing = True
 
     def status(self) -> WorkerStatus:
@@ -93,6 +99,8 @@ class LiveWorker:
             frame=self._frame,
             fps=self._view.fps,
             reached_fps=self._reached_fps(),
+            scene_ms=self._median_ms(0),
+            frame_ms=self._median_ms(1),
             dropped=self._dropped,
             preparing=self._preparing,
             recording=self._recording.folder,
@@ -236,10 +244,11 @@ class LiveWorker:
             rendered = self._rendering.render(*arguments)
         else:
             self._refused = self._refused if settings == before else None
-        timings = tuple(rendered.perceived.timings)
+        timings = tuple(rendered.timings)
         self._rendering.correct(timings)
         self._t_s, self._head, self._frame = t_s, head, frame
         record = FrameRecord(frame, t_s, dt_s, head, self._state, saccade_impulses, self._dropped, timings)
+        self._work_ms.append((rendered.scene_ms, rendered.total_ms))
         self._sink(rendered, record, begun_ns)
 
     def _restore(self, revision: int, before: Settings, error: Exception) -> None:
@@ -294,6 +303,10 @@ class LiveWorker:
             return 0.0
         return (len(recent) - 1) * NS_PER_S / max(recent[-1] - recent[0], time.monotonic_ns() - recent[-1], 1)
 
+    def _median_ms(self, which: int) -> float | None:
+        recent = [work[which] for work in tuple(self._work_ms)]
+        return round(statistics.median(recent), 1) if recent else None
+
     def _after_frame(self, frame: int, frames: int | None) -> None:
         if self._preparing:
             if self._warm_up_s is None:
@@ -333,7 +346,8 @@ def run(config: WorkerConfig, stop: Stop, log: structlog.typing.FilteringBoundLo
     links = config.links
     scene, view = open_view(config.view)
     head_path = open_head_path(view.head)
-    rendering = Rendering(scene, view_of(view), EYES[view.eyes], config.settings, load_costs(cache_folder()))
+    costs = load_costs(cache_folder()).beside_scene(scene.cost)
+    rendering = Rendering(scene, view_of(view), EYES[view.eyes], config.settings, costs)
     if links.out is not None:
         Path(links.out).mkdir(parents=True, exist_ok=True)
     client_keys = None if links.keys is None else key_files.load_client(Path(links.keys))

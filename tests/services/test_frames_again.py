@@ -18,7 +18,7 @@ from PIL import Image
 
 from entoptic import __version__
 from entoptic.pipeline import Display, Encoding, FrameError, RenderState
-from entoptic.pipeline.budget import SHIPPED
+from entoptic.pipeline.budget import SHIPPED, Cost
 from entoptic.pipeline.optics.ocular_dynamics import SaccadeImpulse
 from entoptic.pipeline.scenes import Head, open_scene
 from entoptic.pipeline.sinks.video_parts import Part
@@ -335,6 +335,21 @@ def test_what_eyes_remember_comes_back_to_the_bit(take: Path) -> None:
     assert {name: (choice.level, choice.fade) for name, choice in before.choices.items()} == {
         name: (choice.level, choice.fade) for name, choice in after.choices.items()
     }
+
+
+def test_the_scenes_time_counts_where_a_frame_was_made() -> None:
+    session = Session(settings())
+    rendering = session.rendering
+    rendering.costs = SHIPPED.beside_scene(Cost(1.0, 0.0))
+    rendered = rendering.render(0, 0.0, 0.0, Head(), state(1), ())
+    (scene,) = [timing for timing in rendered.timings if timing.effect == "scene"]
+    assert (scene.level, scene.milliseconds) == ("whole", rendered.scene_ms)
+    assert scene.megapixels == pytest.approx(2 * 32 * 24 / 1e6)
+    assert rendered.total_ms == pytest.approx(rendered.scene_ms + sum(rendered.perceived.milliseconds.values()))
+    rendering.correct([scene._replace(milliseconds=1000.0)])
+    assert rendering.costs.scene_ms(1.0) > 1.1
+    on_show = dataclasses.replace(rendered, reuses_frame=True)
+    assert all(timing.effect != "scene" for timing in on_show.timings)
 
 
 def test_a_checkpoint_of_no_use_is_ignored(tmp_path: Path) -> None:

@@ -2,6 +2,7 @@
 import { byId, make, setText } from "./make.js";
 
 const EVERY_MS = 250;  // faster than that nobody reads
+const NOT_WORK = new Set(["sink", "displayed"]);  // keeping and publishing a frame is no part of a budget
 const NOT_RUNNING = { skipped: "skipped", off: "off" };
 
 export function watchPlan(connection) {
@@ -15,9 +16,11 @@ export function watchPlan(connection) {
       if (!rows.has(step.effect)) rows.set(step.effect, row(body, step.effect));
       fill(rows.get(step.effect), step, limit_ms);
     }
-    const sum_ms = shown.plan.reduce((sum, step) => sum + step.ms, 0);
+    const parts = Object.entries(shown.milliseconds).filter(([part]) => !NOT_WORK.has(part));
+    const sum_ms = parts.reduce((sum, [, ms]) => sum + ms, 0), scene_ms = shown.milliseconds.scene ?? 0;
+    const scene = scene_ms > sum_ms / 2 ? `; the scene alone takes ${scene_ms.toFixed(1)} ms` : "";
     const of = shown.budget_ms === null ? `${limit_ms.toFixed(1)} ms, one frame` : `a budget of ${number(limit_ms)} ms`;
-    setText(byId("plan-sum"), `${sum_ms.toFixed(1)} ms of ${of}`);
+    setText(byId("plan-sum"), `${sum_ms.toFixed(1)} ms of ${of}${scene}`);
     byId("plan-sum").dataset.state = sum_ms > limit_ms ? "warn" : "good";
     const most = shown.bound_code_values;
     setText(byId("plan-hides"), most === 0 ? "Nothing that can be seen is left out." :

@@ -145,10 +145,17 @@ def settings(**of_effects: MadeUp) -> Any:
     return SimpleNamespace(adaptation=None, **{name: of_effects.get(name, MadeUp()) for name in names})
 
 
-def planned(eyes: MadeUpEye | Sequence[MadeUpEye], planning: Planning = Planning(), **more: Any) -> Planned:
+def planned(
+    eyes: MadeUpEye | Sequence[MadeUpEye],
+    planning: Planning = Planning(),
+    *,
+    scene_ms: float | None = None,
+    **more: Any,
+) -> Planned:
     """The plan for such eyes."""
     both = [eyes] if isinstance(eyes, MadeUpEye) else list(eyes)
-    return make_plan(both, planning, costs=COSTS, **more)  # type: ignore[arg-type]
+    costs = COSTS if scene_ms is None else COSTS.beside_scene(Cost(scene_ms, 0.0))
+    return make_plan(both, planning, costs=costs, **more)  # type: ignore[arg-type]
 
 
 def use(monkeypatch: pytest.MonkeyPatch) -> None:

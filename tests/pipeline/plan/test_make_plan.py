@@ -186,6 +186,16 @@ class TestBudget:
         still = planned(MadeUpEye(NEEDED), Planning(budget_ms=10.34), before={"acuity": Choice(SKIPPED)}, dt_s=0.1)
         assert still.plan["acuity"].reason == "nothing more fits 10.34 ms"
 
+    def test_making_the_scene_counts_and_is_named_where_it_takes_much(self) -> None:
+        assert levels(MadeUpEye(NEEDED), Planning(budget_ms=82.5 + 20 / 0.87), scene_ms=20.0)["glare"] == "best"
+        assert levels(MadeUpEye(NEEDED), Planning(budget_ms=82.0 + 20 / 0.87), scene_ms=20.0)["glare"] == "coarse"
+        slow = planned(MadeUpEye(NEEDED), Planning(budget_ms=67.2), scene_ms=20.0).plan
+        assert slow["night_colour"].reason.endswith("more does not fit 67.2 ms, of which the scene takes 20")
+        alone = planned(MadeUpEye(NEEDED), Planning(budget_ms=33.0), scene_ms=50.0).plan
+        assert alone["glare"].reason == "nothing more fits 33 ms, of which the scene takes 50"
+        quick = planned(MadeUpEye(NEEDED), Planning(budget_ms=46.4), scene_ms=2.0).plan
+        assert quick["night_colour"].reason.endswith("more does not fit 46.4 ms")
+
     def test_larger_frames_take_longer(self) -> None:
         class Two(MadeUpEye):
             @property

@@ -77,6 +77,22 @@ def test_what_passes_by_itself_is_not_said(more: dict[str, Any]) -> None:
     assert problems(snapshot(**more)) == ()
 
 
+@pytest.mark.parametrize("more", [{"dropped_share": 0.2}, {"latency_p95_ms": 300.0}])
+def test_a_slow_scene_is_named_where_it_is_the_scene_that_is_slow(more: dict[str, Any]) -> None:
+    def said(scene_ms: float) -> tuple[str, str]:
+        worker = WorkerStatus(scene="street", fps=24.0, reached_fps=12.0, scene_ms=scene_ms, frame_ms=80.0)
+        (found,) = problems(snapshot(worker=worker, **more))
+        return found.what, found.remedy
+
+    what, remedy = said(41.0)
+    assert what.endswith("making the scene takes 41 of 80 ms of a frame.")
+    assert "another scene" in remedy
+    assert "budget" not in remedy
+    what, remedy = said(39.0)
+    assert "scene" not in what
+    assert "a time budget under Plan" in remedy
+
+
 def test_both_pupils_lost_is_an_error_for_each() -> None:
     found = problems(snapshot(lost_s={"left": 9.0, "right": 9.0}))
     assert [one.severity for one in found] == ["error", "error"]
