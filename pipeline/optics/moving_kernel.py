@@ -119,7 +119,7 @@ def _nearest_focus_d(observer: Observer, defocus_d: float, pupil_diameter_mm: fl
     return observer.defocus_d + step_d * round((defocus_d - observer.defocus_d) / step_d)
 
 
-@functools.lru_cache(maxsize=16)
+@functools.lru_cache(maxsize=64)
 def _rest(observer: Observer, pupil_diameter_mm: float, focus_d: float, cells: Cells, eye: Straylight) -> _Rest:
     pose, bare = Pose(pupil_diameter_mm, focus_d), _bare(observer)
     # By the light that passes: fibres take none, and add to it what they scatter.
@@ -140,7 +140,7 @@ def _bare(observer: Observer) -> Observer:
     return msgspec.structs.replace(observer, gratings=0)
 
 
-@functools.lru_cache(maxsize=4)
+@functools.lru_cache(maxsize=8)
 def _fine_psf(observer: Observer, pose: Pose, size: int) -> Float[np.ndarray, "size size"]:
     """Kept for cells of other sizes."""
     return monochromatic(observer, pose, FINE, size=size)

@@ -123,7 +123,7 @@ def write_profiles(path: Path, functions: Mapping[str, Encircled], title: str) -
         axes.set(xlabel="angle from the light / °", xlim=(2e-3, 90))
         axes.grid(alpha=0.3, lw=0.5)
         axes.legend(fontsize=9, frameon=False)
-    figure.suptitle(title, fontsize=10)
+    figure.suptitle(title, fontsize=9)
     _save(figure, path)
 
 

@@ -64,7 +64,7 @@ def anatomy(subject: Subject) -> Sheet:
         (f"lids half closed, {eye.lashes} lashes", _posed(lidded, lashes=True)),
         ("the whole eye, open", _posed(subject, openness=1.0, lashes=False)),
     ]
-    note = "each with the smooth light that no structure resolves: a share of CIE 135's, all of it beyond the field"
+    note = "each with the light of finer particles and of the retina: a share of CIE 135's, all of it beyond the field"
     return Sheet("What each part of the eye does to the light", (parts[:4], parts[4:]), note)
 
 
