@@ -15,6 +15,7 @@ optics/       light inside the eye
 threshold.py  the smallest difference that is seen
 mesopic.py    luminance between day and night
 fft_length.py lengths of FFTs that always give the same bytes
+fast_math.py  cube root, exponential and arc tangent at a fraction of their price
 render.py     runs a plan
 sinks/        where perceived frames go
 cost/         what accuracy costs in time

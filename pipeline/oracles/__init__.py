@@ -8,8 +8,9 @@ glare.py         the brightest pixels one by one, the rest by a float64 FFT, the
 glare_fft.py     one FFT of the whole frame: what is quick enough to be timed beside
 acuity.py        detail lost in the dark
 rod_noise.py     photons that rods count
-tone.py          the default operator, and the display's encoding
-operators.py     the others
+tone.py          the filmic curve, and the display's encoding
+operators.py     every tone operator
+gamut.py         to white what lies beyond the display's colours
 night_colour.py  the shift to blue
 afterimage.py    what a bleached retina adds
 chain.py         all of them, one after the other

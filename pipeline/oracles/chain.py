@@ -8,8 +8,9 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from entoptic.pipeline.effects.tone.settings import Tone
 from entoptic.pipeline.frame import Display, View
-from entoptic.pipeline.oracles import acuity, adaptation, night_colour, tone
+from entoptic.pipeline.oracles import acuity, adaptation, night_colour, operators, tone
 
 Reals = NDArray[np.float64]
 
@@ -33,7 +34,7 @@ def perceived(
     adapted = float(timed("adaptation", lambda: np.asarray(adaptation.target_cd_m2(rgb, view))))
     image = timed("glare", lambda: glare(rgb))
     image = timed("acuity", lambda: acuity.fit(image))
-    shown = timed("tone", lambda: tone.aces(image, adaptation.exposure(adapted), display.peak_cd_m2))
+    shown = timed("tone", lambda: operators.shown(image, adapted, Tone(), display))
     shown = timed("night_colour", lambda: night_colour.night_tint(shown, adapted))
     begun = time.perf_counter()
     codes = tone.encode(shown, display.black_cd_m2 / display.peak_cd_m2)

@@ -31,16 +31,16 @@ def shifted(displayed: Reals, scene: Reals, adapted_cd_m2: float, settings: Nigh
     else:
         rods = 1 - float(_cones_bar(np.array(adapted_cd_m2))) if method is NightMethod.BAR else rod_share(adapted_cd_m2)
     if method is NightMethod.KRI_XY:
-        return kri_xy(displayed, rods)
+        return within_peak(kri_xy(displayed, rods))
     colour = {NightMethod.LUI: TINT, NightMethod.KRI_RGB: KRI_TINT, NightMethod.BAR: (1.0, 1.0, 1.0)}
     if method is NightMethod.RODS:
-        return towards(displayed, tint(method, adapted_cd_m2), rods, weights(method))
-    return towards(displayed, np.array(colour[method]), rods)
+        return within_peak(towards(displayed, tint(method, adapted_cd_m2), rods, weights(method)))
+    return within_peak(towards(displayed, np.array(colour[method]), rods))
 
 
 def night_tint(displayed: Reals, adapted_cd_m2: float) -> Reals:
     """LUI 5.18: a displayed frame blended towards tinted grey by the rods' share."""
-    return towards(displayed, np.array(TINT), rod_share(adapted_cd_m2))
+    return within_peak(towards(displayed, np.array(TINT), rod_share(adapted_cd_m2)))
 
 
 def kri_xy(displayed: Reals, rods: float | Reals) -> Reals:
@@ -65,3 +65,11 @@ def towards(
     """A blend of a frame and of its light in one colour; the light as cones see it, unless weights are given."""
     seen = luminance(displayed) if seen_by is None else np.einsum("c,cyx->yx", np.array(seen_by), displayed)
     return np.asarray(displayed * (1 - rods) + tint[:, None, None] * seen * rods)
+
+
+def within_peak(rgb: Reals) -> Reals:
+    """Where a component is above the peak, mixed with white of the same luminance until none is."""
+    y, largest = np.minimum(luminance(rgb), 1), rgb.max(axis=0)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        kept = np.where(largest > 1, (1 - y) / (largest - y), 1)
+    return np.asarray(y + kept * (rgb - y))

@@ -13,7 +13,7 @@ from scipy.interpolate import PchipInterpolator
 
 from entoptic.pipeline.effects.tone.settings import Hue, Operator, Tone
 from entoptic.pipeline.frame import Display
-from entoptic.pipeline.oracles import adaptation, tone
+from entoptic.pipeline.oracles import adaptation, gamut, tone
 from entoptic.pipeline.oracles.adaptation import luminance
 from entoptic.pipeline.oracles.night_colour import RGB_TO_XYZ
 from entoptic.pipeline.threshold import cone_threshold_cd_m2, rod_threshold_cd_m2, threshold_cd_m2
@@ -31,10 +31,11 @@ def shown(rgb: Reals, adapted_cd_m2: float, settings: Tone, display: Display) ->
     """
     if settings.operator is Operator.ACES and settings.hue is Hue.CLIP:
         return tone.aces(rgb, adaptation.exposure(adapted_cd_m2), display.peak_cd_m2)
-    rgb = np.maximum(rgb, 0)
+    if settings.hue is not Hue.OKLAB:
+        rgb = np.maximum(rgb, 0)
     match settings.operator:
         case Operator.ACES:
-            mapped = filmic(rgb, adapted_cd_m2)
+            mapped = filmic(rgb, adapted_cd_m2, display.peak_cd_m2)
         case Operator.REINHARD:
             mapped = reinhard(rgb, adapted_cd_m2, settings.white)
         case Operator.WARD:
@@ -44,12 +45,14 @@ def shown(rgb: Reals, adapted_cd_m2: float, settings: Tone, display: Display) ->
         case Operator.CURVE:
             log10, shares = np.loadtxt(settings.curve, delimiter=",", skiprows=1, unpack=True)
             mapped = own_curve(rgb, adapted_cd_m2, log10.tolist(), shares.tolist())
-    return {Hue.CLIP: clipped, Hue.RGB: divided, Hue.XYY: same_chromaticity}[settings.hue](mapped)
+    within = {Hue.OKLAB: gamut.to_white, Hue.CLIP: clipped, Hue.RGB: divided, Hue.XYY: same_chromaticity}
+    return within[settings.hue](mapped)
 
 
-def filmic(rgb: Reals, adapted_cd_m2: float) -> Reals:
+def filmic(rgb: Reals, adapted_cd_m2: float, peak_cd_m2: float = PEAK_CD_M2) -> Reals:
     """The ACES curve of luminance."""
-    return _by_luminance(rgb, lambda y: tone.curve(y * adaptation.exposure(adapted_cd_m2)))
+    scale = adaptation.exposure(adapted_cd_m2) * tone.display_scale(peak_cd_m2)
+    return _by_luminance(rgb, lambda y: tone.curve(np.clip(y * scale, 0, 1e4)))
 
 
 def reinhard(rgb: Reals, adapted_cd_m2: float, white: float = 2.0) -> Reals:
@@ -72,11 +75,11 @@ def durand(rgb: Reals, adapted_cd_m2: float) -> Reals:
     viewer = cone_threshold_cd_m2(PEAK_CD_M2 / 2)
     cones = viewer / cone_threshold_cd_m2(adapted_cd_m2)
     rods = viewer / rod_threshold_cd_m2(adapted_cd_m2)
-    y = luminance(rgb)
-    x, z = (np.einsum("c,cyx->yx", weights, rgb) for weights in (X_WEIGHTS, Z_WEIGHTS))
+    y = luminance(np.maximum(rgb, 0))
+    x, z = (np.einsum("c,cyx->yx", weights, np.maximum(rgb, 0)) for weights in (X_WEIGHTS, Z_WEIGHTS))
     with np.errstate(divide="ignore", invalid="ignore"):
-        scotopic = np.where(x > 0, y * (1.33 * (1 + (y + z) / x) - 1.68), 0)
-    return _by_luminance(rgb, lambda y: (cones * y + 0.04 / (0.04 + y) * rods * scotopic) / PEAK_CD_M2)
+        ratio = np.where(x > 0, 1.33 * (1 + (y + z) / x) - 1.68, 0)
+    return _by_luminance(rgb, lambda y: (cones * y + 0.04 / (0.04 + y) * rods * ratio * y) / PEAK_CD_M2)
 
 
 def own_curve(rgb: Reals, adapted_cd_m2: float, log10_of_adapted: list[float], shares: list[float]) -> Reals:

@@ -87,6 +87,7 @@ HUES = {
     Hue.XYY: plain_operators.same_chromaticity,
 }
 # ACES with clipping is the curve of each component: the test above.
+# Oklab's hue on the display's edge is a table's: tests/pipeline/effects/tone/test_gamut.py.
 WAYS = [(operator, hue) for operator in OPERATORS for hue in HUES if (operator, hue) != (Operator.ACES, Hue.CLIP)]
 
 

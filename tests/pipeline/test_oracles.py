@@ -15,7 +15,7 @@ from entoptic.pipeline.effects import tone as own_tone
 from entoptic.pipeline.effects.encode import srgb_codes
 from entoptic.pipeline.effects.glare.kernel import component
 from entoptic.pipeline.effects.glare.models import GlareModel, mixture
-from entoptic.pipeline.frame import View
+from entoptic.pipeline.frame import Display, View
 from entoptic.pipeline.observer import Observer
 from entoptic.pipeline.optics.aperture import Pose
 from entoptic.pipeline.oracles import acuity, adaptation, chain, glare_fft, night_colour, tone
@@ -108,7 +108,7 @@ def test_the_programs_effects_in_a_row_are_the_plain_ones() -> None:
     scene = scenes.scene("moonlight", 72, 80)
     adapted = own_adaptation.target_cd_m2(scene.measured, 0.0, 0.0)
     image = own_acuity.dark_acuity(scene.frame.rgb_cd_m2)
-    shown = own_tone.aces(image, jnp.asarray([own_adaptation.exposure(adapted)]), 100.0)
+    shown = own_tone.show(image, [adapted], [adapted], own_tone.Tone(), Display())
     shown = own_night_colour.night_tint(shown, jnp.asarray([own_adaptation.rod_sensitivity(adapted)]))
     ours = np.asarray(srgb_codes(shown, 0.0))[0]
     codes, milliseconds = chain.perceived(scene.frame.rgb_cd_m2[0], scene.frame.view, lambda rgb: rgb)

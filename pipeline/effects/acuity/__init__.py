@@ -7,7 +7,6 @@ tiles.py       the same on the dark parts alone
 larson.py      what an eye resolves at a luminance
 krawczyk.py    a blur as wide as that asks for
 bounds.py      the most that a skip changes, and what a change before acuity becomes
-fast_math.py   cube root, exponential and arc tangent at a fraction of their price
 """
 
 from __future__ import annotations

@@ -7,7 +7,7 @@ import numpy as np
 from jaxtyping import Array, Float
 from numpy.typing import ArrayLike
 
-from entoptic.pipeline.effects.acuity.fast_math import cube_root
+from entoptic.pipeline.fast_math import cube_root
 
 WHITE_CD_M2 = 100.0
 KAPPA, EPSILON = 24389 / 27, 216 / 24389

@@ -16,7 +16,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from entoptic.pipeline.effects.acuity.cielab import CD_M2_PER_LIGHTNESS, lightness, luminance_of
-from entoptic.pipeline.effects.acuity.fast_math import exp2
+from entoptic.pipeline.fast_math import exp2
 from entoptic.pipeline.measure import luminance
 
 LIMIT_CD_M2 = CD_M2_PER_LIGHTNESS

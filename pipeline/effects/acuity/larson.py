@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Array, Float
 from numpy.typing import ArrayLike, NDArray
 
-from entoptic.pipeline.effects.acuity.fast_math import arctan
+from entoptic.pipeline.fast_math import arctan
 
 FLOOR_CD_M2 = 1e-6
 """Starlight. The fit is below 0 from 6e-10 cd/m² down; here it still resolves 0.76 cycles per degree."""

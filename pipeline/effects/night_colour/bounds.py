@@ -12,6 +12,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from entoptic.pipeline.display_gamut import change_within_peak
 from entoptic.pipeline.effects.night_colour.settings import NightColour, NightMethod
 from entoptic.pipeline.effects.night_colour.share import adapted_share, largest_step, share
 from entoptic.pipeline.effects.night_colour.tints import BLUE_XY, tint, weights
@@ -35,7 +36,8 @@ def skip_bound(range_: Range, adapted_cd_m2: float, settings: NightColour, scene
     """The most that leaving night colour out changes a pixel: `range_` is displayed, `scene` in cd/m² (per_pixel)."""
     still = np.zeros_like(range_.low)
     shares = _shares(range_, still, adapted_cd_m2, settings, scene, still)
-    return shares.high * _distance(range_, adapted_cd_m2, settings.method)
+    distance = shares.high * _distance(range_, adapted_cd_m2, settings.method)
+    return change_within_peak(distance, _above_peak(range_.high, shares, adapted_cd_m2, settings.method))
 
 
 def propagate(
@@ -59,7 +61,13 @@ def propagate(
         out[k] = np.maximum(with_fewest, with_most)
     if shares.step.any():
         out += shares.step * _distance(range_.widened(change), adapted_cd_m2, settings.method)
-    return out
+    return change_within_peak(out, _above_peak(range_.high + change, shares, adapted_cd_m2, settings.method))
+
+
+def _above_peak(high: Tiles, shares: _Shares, adapted_cd_m2: float, method: NightMethod) -> NDArray[np.bool_]:
+    """Where a component may exceed the display's peak: rods see no more than its largest, and tint that."""
+    brighter = 1 + shares.high * max(float(tint(method, adapted_cd_m2).max()) - 1, 0)
+    return np.asarray(high[:3].max(0) * brighter > 1)
 
 
 def _shares(

@@ -17,6 +17,7 @@ import numpy as np
 from jaxtyping import Array, Float
 from numpy.typing import NDArray
 
+from entoptic.pipeline.display_gamut import within_peak
 from entoptic.pipeline.effects.night_colour.settings import NightColour, NightMethod
 from entoptic.pipeline.effects.night_colour.share import adapted_share, share
 from entoptic.pipeline.effects.night_colour.tints import BLUE_XY, TINT, tint, weights
@@ -33,17 +34,16 @@ def shift(
 ) -> Float[Array, "eye 3 y x"]:
     """A displayed frame (linear Rec.709, 0 or more, 1 = the display's peak) as eyes adapted to these luminances see it.
 
-    `scene` is the same frame in cd/m², before tone mapping: settings.per_pixel needs it, nothing else does. What comes
-    out may exceed 1 where it was near: a tint is brighter than white in blue. Raises FrameError without a scene that
-    is needed.
+    `scene` is the same frame in cd/m², before tone mapping: settings.per_pixel needs it, nothing else does. A tint is
+    brighter than white in blue: what it brings above 1 goes to white. Raises FrameError without a scene that is needed.
     """
     method = settings.method
     adapted = np.asarray(adapted_cd_m2, dtype=np.float64)
-    tints = jnp.asarray(np.stack([tint(method, luminance_cd_m2) for luminance_cd_m2 in adapted]), jnp.float32)
+    tints = np.stack([tint(method, luminance_cd_m2) for luminance_cd_m2 in adapted]).astype(np.float32)
     seen_by = weights(method)
     if not settings.per_pixel:
-        shares = jnp.asarray(adapted_share(adapted, settings), jnp.float32)
-        return _blend(displayed, shares[:, None, None], tints, seen_by, method is NightMethod.KRI_XY)
+        shares = adapted_share(adapted, settings).astype(np.float32)
+        return _blend(displayed, shares[:, None, None], tints, seen_by, method)
     if scene is None:
         raise FrameError("night colour per pixel: pass the frame in cd/m² as well, or set per_pixel = false")
     return _blend_per_pixel(displayed, scene, tints, seen_by, method)
@@ -53,21 +53,23 @@ def night_tint(displayed: Float[Array, "eye 3 y x"], rod_share: Float[Array, "ey
     """A displayed frame (linear, 1 = peak) blended towards LUI's tinted grey by the rods' share σ(L_i) in [0, 1]."""
     shares = jnp.asarray(rod_share, jnp.float32)[:, None, None]
     tints = jnp.broadcast_to(jnp.asarray(TINT, jnp.float32), (displayed.shape[0], 3))
-    return _blend(displayed, shares, tints, LUMINANCE_WEIGHTS, False)
+    return _blend(displayed, shares, tints, LUMINANCE_WEIGHTS, NightMethod.LUI)
 
 
-@functools.partial(jax.jit, static_argnames=("seen_by", "by_chromaticity"))
+@functools.partial(jax.jit, static_argnames=("seen_by", "method"))
 def _blend(
     displayed: Float[Array, "eye 3 y x"],
     shares: Float[Array, "eye #y #x"],
     tints: Float[Array, "eye 3"],
     seen_by: tuple[float, float, float],
-    by_chromaticity: bool,
+    method: NightMethod,
 ) -> Float[Array, "eye 3 y x"]:
-    if by_chromaticity:
+    if method is NightMethod.KRI_XY:
         shares = _of_blue(displayed, shares)
     seen = _weighted(displayed, seen_by)
-    return displayed * (1 - shares[:, None]) + tints[:, :, None, None] * seen[:, None] * shares[:, None]
+    blended = displayed * (1 - shares[:, None]) + tints[:, :, None, None] * seen[:, None] * shares[:, None]
+    # BAR's grey is no brighter than what it is made of.
+    return blended if method is NightMethod.BAR else within_peak(blended)
 
 
 @functools.partial(jax.jit, static_argnames=("seen_by", "method"))
@@ -79,7 +81,7 @@ def _blend_per_pixel(
     method: NightMethod,
 ) -> Float[Array, "eye 3 y x"]:
     shares = share(jnp.maximum(luminance(scene), 0), method)
-    return _blend(displayed, shares, tints, seen_by, method is NightMethod.KRI_XY)
+    return _blend(displayed, shares, tints, seen_by, method)
 
 
 def _of_blue(displayed: Float[Array, "eye 3 y x"], sigma: Float[Array, "eye #y #x"]) -> Float[Array, "eye y x"]:

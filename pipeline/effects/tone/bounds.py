@@ -7,8 +7,9 @@ import dataclasses
 import numpy as np
 from numpy.typing import NDArray
 
+from entoptic.pipeline.display_gamut import WEIGHTS
 from entoptic.pipeline.effects.tone import durand, filmic, own_curve, reinhard
-from entoptic.pipeline.effects.tone.hue import WEIGHTS, change_within, range_within
+from entoptic.pipeline.effects.tone.hue import Mapped, change_within, range_within, with_luminance
 from entoptic.pipeline.effects.tone.settings import Hue, Operator, Tone
 from entoptic.pipeline.effects.tone.show import coefficients
 from entoptic.pipeline.frame import Display
@@ -25,8 +26,8 @@ def shown(range_: Range, adapted_cd_m2: float, target_cd_m2: float, settings: To
         scale = numbers[0]
         low, high = filmic.shown(range_.low[:3] * scale), filmic.shown(range_.high[:3] * scale)
     else:
-        low, high = range_within(*_mapped(range_, _gains(range_, settings, numbers)), settings.hue)
-    return Range(_with_luminance(low), _with_luminance(high), range_.tile_px)
+        low, high = range_within(_mapped(range_, _gains(range_, settings, numbers)), settings.hue)
+    return Range(with_luminance(low), with_luminance(high), range_.tile_px)
 
 
 def propagate(
@@ -40,11 +41,11 @@ def propagate(
         np.maximum(low, 0, out=low)
         high += step
         step *= filmic.steepest(low, high)
-        return _with_luminance(np.minimum(step, 1, out=step))
+        return with_luminance(np.minimum(step, 1, out=step))
     range_ = range_.widened(change)
     gains = _gains(range_, settings, numbers)
-    step = _mapped_change(change, range_, gains, settings, numbers)
-    return _with_luminance(change_within(step, *_mapped(range_, gains), settings.hue))
+    step, y_step = _mapped_change(change, range_, gains, settings, numbers)
+    return change_within(step, y_step, _mapped(range_, gains), settings.hue)
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -57,6 +58,8 @@ class Gains:
     """At most so much changes the gain for a change of luminance."""
     y_low: Tiles
     """Least luminance of the tile."""
+    y_high: Tiles
+    """Largest luminance of the tile."""
     whole: NDArray[np.bool_]
     """Where no component may lie below 0, to be clipped: luminance changes as it did before."""
     offset: float = 0.0
@@ -69,14 +72,19 @@ def _each_component(settings: Tone) -> bool:
 
 def _gains(range_: Range, settings: Tone, numbers: tuple[float, ...]) -> Gains:
     low, high = np.tensordot(WEIGHTS, range_.low[:3], 1), np.tensordot(WEIGHTS, range_.high[:3], 1)
-    # A range's 0 may stand for less than 0. Clipping that can only raise luminance.
+    # A range's 0 may stand for less than 0, which has less luminance. Clipping that can only raise it.
     whole = np.minimum(np.minimum(range_.low[0], range_.low[1]), range_.low[2]) > 0
-    np.maximum(low, range_.low[3], out=low)
+    if settings.hue is Hue.OKLAB:
+        np.maximum(low, range_.low[3], out=low, where=whole)
+        np.copyto(low, range_.low[3], where=~whole)
+        whole = np.ones_like(whole)
+    else:
+        np.maximum(low, range_.low[3], out=low)
     np.minimum(high, range_.high[3], out=high, where=whole)
     match settings.operator:
         case Operator.WARD:
             gain, offset = np.full_like(low, numbers[0]), numbers[1]
-            return Gains(gain, gain, np.zeros_like(low), low, whole, offset)
+            return Gains(gain, gain, np.zeros_like(low), low, high, whole, offset)
         case Operator.ACES:
             bounds = *filmic.gains(low, high, *numbers), filmic.gain_slope(low, high, *numbers)
         case Operator.REINHARD:
@@ -85,36 +93,39 @@ def _gains(range_: Range, settings: Tone, numbers: tuple[float, ...]) -> Gains:
             bounds = durand.gains(range_, low, high, *numbers)
         case Operator.CURVE:
             bounds = own_curve.gains(own_curve.read_curve(settings.curve), low, high, *numbers)
-    return Gains(*bounds, low, whole)
+    return Gains(*bounds, low, high, whole)
 
 
-def _mapped(range_: Range, gains: Gains) -> tuple[Tiles, Tiles]:
-    """Least and largest components between the operator and what brings them within the display's."""
+def _mapped(range_: Range, gains: Gains) -> Mapped:
+    """What stands between the operator and what brings it within the display's."""
     low, high = range_.low[:3] * gains.least, range_.high[:3] * gains.most
     low += gains.offset
     high += gains.offset
-    return low, high
+    y = np.array([gains.y_low * gains.least, gains.y_high * gains.most]) + gains.offset
+    below = (range_.low[:3].min(0) <= 0) & (range_.high[:3].max(0) > 0)
+    # With an offset, a colour below 0 takes from it.
+    y[0] = np.where(below & (range_.low[3] <= 0), 0, y[0])
+    return Mapped(low, high, y, below)
 
 
-def _mapped_change(change: Change, range_: Range, gains: Gains, settings: Tone, numbers: tuple[float, ...]) -> Tiles:
-    """How much components change between the two: |c'·g' − c·g| ≤ |c' − c|·g' + c·|g' − g|."""
+def _mapped_change(
+    change: Change, range_: Range, gains: Gains, settings: Tone, numbers: tuple[float, ...]
+) -> tuple[Tiles, Tiles]:
+    """How much components and luminance change between the two: |c'·g' − c·g| ≤ |c' − c|·g' + c·|g' − g|."""
     step = change[:3] * gains.most
-    if settings.operator is Operator.WARD:
-        return step
     y_change = np.tensordot(WEIGHTS, change[:3], 1)
     np.minimum(y_change, change[3], out=y_change, where=gains.whole)
-    y_change *= gains.slope
-    turned = range_.high[:3] * y_change
+    y_step = y_change * gains.most
+    if settings.operator is Operator.WARD:
+        return step, y_step
+    moved = y_change * gains.slope
+    turned, y_turned = range_.high[:3] * moved, gains.y_high * moved
     if settings.operator is Operator.DURAND:
         share = numbers[1] * HALF_CD_M2 / (HALF_CD_M2 + gains.y_low)
-        turned += share * durand.ratio_change(change[:3])
-    step += np.minimum(turned, range_.high[:3] * (gains.most - gains.least), out=turned)
-    return step
-
-
-def _with_luminance(rgb: Tiles) -> Tiles:
-    """Three components and the luminance they make together."""
-    both = np.empty((4, *rgb.shape[1:]))
-    both[:3] = rgb
-    np.matmul(WEIGHTS, rgb.reshape(3, -1), out=both[3].reshape(-1))
-    return both
+        by_ratio = share * durand.ratio_change(change[:3])
+        turned += by_ratio
+        y_turned += by_ratio.max(0)
+    room = gains.most - gains.least
+    step += np.minimum(turned, range_.high[:3] * room, out=turned)
+    y_step += np.minimum(y_turned, gains.y_high * room)
+    return step, y_step

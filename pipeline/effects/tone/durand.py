@@ -36,12 +36,13 @@ def gain(
     cones: Float[Array, "eye 1 1"],
     rods: Float[Array, "eye 1 1"],
 ) -> Float[Array, "eye y x"]:
-    """L_d/L = m_C + σ(L)·m_R·V/L (KRI 4.26) of red, green and blue, each 0 or more.
+    """L_d/L = m_C + σ(L)·m_R·V/L (KRI 4.26) of red, green and blue and their luminance.
 
-    V/L is Larson's. A black pixel stays black whatever its ratio.
+    V/L is Larson's, of what is not below 0. A black pixel stays black whatever its ratio.
     """
-    x, z = weighted(planes, X_WEIGHTS), weighted(planes, Z_WEIGHTS)
-    ratio = larson_ratio((y + z) / jnp.maximum(x, np.float32(1e-30)))
+    planes = [jnp.maximum(plane, 0) for plane in planes]
+    x = weighted(planes, X_WEIGHTS)
+    ratio = larson_ratio(weighted(planes, _rows()[0].tolist()) / jnp.maximum(x, np.float32(1e-30)))
     return cones + rods * (np.float32(HALF_CD_M2) / (np.float32(HALF_CD_M2) + y)) * ratio
 
 

@@ -12,7 +12,7 @@ from entoptic.described import DescribedEnum, described
 class Operator(DescribedEnum):
     """From the scene's luminance to the display's."""
 
-    ACES = "aces", "Filmic curve of each component, exposed by the key (LUI)."
+    ACES = "aces", "Filmic curve of luminance, exposed by the key (LUI); with hue `clip` of each component."
     REINHARD = "reinhard", "Photographic curve of luminance, exposed by the key (KRI 4.18–4.20)."
     WARD = (
         "ward",
@@ -25,11 +25,18 @@ class Operator(DescribedEnum):
 class Hue(DescribedEnum):
     """What becomes of a colour beyond the display's."""
 
+    OKLAB = (
+        "oklab",
+        (
+            "Luminance and hue are kept and chroma is lost until the display has the colour: bright lamps go to white "
+            "without a change of hue (Ottosson's Oklab; CIE 156)."
+        ),
+    )
     CLIP = (
         "clip",
         (
-            "Each component ends at the display's peak: bright colours go to white, ACES curves each component for "
-            "itself."
+            "Each component ends at the display's peak, `aces` curves each for itself (LUI): the hues of bright "
+            "colours turn to the nearest of red, yellow, green, cyan, blue and magenta before they are white."
         ),
     )
     RGB = "rgb", "All three components are divided by the largest where that is above the peak (KRI 4.30)."
@@ -43,7 +50,7 @@ class Tone(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """Tone mapping."""
 
     operator: Operator = Operator.ACES
-    hue: Hue = Hue.CLIP
+    hue: Hue = Hue.OKLAB
     white: Annotated[
         float,
         described(

@@ -9,10 +9,10 @@ import msgspec
 import numpy as np
 import pytest
 
+from entoptic.pipeline import fast_math
 from entoptic.pipeline.effects.acuity import (
     Acuity,
     AcuityMethod,
-    fast_math,
     larson,
     lightness,
     limit_cd_m2,

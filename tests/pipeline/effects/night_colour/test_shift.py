@@ -12,10 +12,12 @@ from entoptic.pipeline.effects.night_colour import NightColour, NightMethod, nig
 from entoptic.pipeline.effects.night_colour.share import adapted_share, share
 from entoptic.pipeline.effects.night_colour.tints import CONE_PEAKS, CONES, ROD_XY, TINT, tint
 from entoptic.pipeline.frame import LUMINANCE_WEIGHTS, FrameError
+from entoptic.pipeline.oracles import gamut as oracle
 from entoptic.pipeline.primaries import RGB_TO_XYZ, SUM_WEIGHTS
 
 RNG = np.random.default_rng(7)
-DISPLAYED = RNG.random((2, 3, 9, 11)).astype(np.float32)
+DISPLAYED = (0.5 * RNG.random((2, 3, 9, 11))).astype(np.float32)
+"""No tint brings it above the peak."""
 SCENE = (DISPLAYED * np.geomspace(1e-5, 30, 11)).astype(np.float32)
 ADAPTED = (0.03, 0.4)
 
@@ -57,6 +59,26 @@ def test_kri_xy_is_equation_4_28() -> None:
         sigma = 0.04 / (0.04 + luminance(SCENE)[eye])
         expected = xy(DISPLAYED[eye]) * (1 - sigma) + 0.25 * sigma
         np.testing.assert_allclose(xy(shown[eye]), expected, rtol=1e-5)
+
+
+@pytest.mark.parametrize("method", NightMethod)
+def test_what_a_tint_brings_above_the_peak_goes_to_white_at_its_luminance_and_hue(method: NightMethod) -> None:
+    """A white lamp's glow by night: pale blue, then white, without the purple of a blue that ends before red does."""
+    grey = np.broadcast_to(np.linspace(0.4, 1, 400, dtype=np.float32), (1, 3, 1, 400))
+    scene = np.full((1, 3, 1, 400), 0.02, np.float32)
+    settings = NightColour(method, per_pixel=True)
+    shown = np.asarray(shift(jnp.asarray(grey), [0.02], settings, jnp.asarray(scene)), np.float64)[0, :, 0]
+    below = np.asarray(shift(jnp.asarray(grey * 0.3), [0.02], settings, jnp.asarray(scene)), np.float64)[0, :, 0]
+    assert shown.max() <= 1 + 2e-7
+    assert np.diff(shown).min() >= -1e-6
+    y, of_the_tint = (np.array(LUMINANCE_WEIGHTS) @ rgb for rgb in (shown, below))
+    np.testing.assert_allclose(y, np.minimum(of_the_tint / 0.3, 1), rtol=1e-5)
+    hue, wanted = oracle.hue(shown), oracle.hue(below)
+    coloured = shown.max(0) - shown.min(0) > 0.01
+    if method is not NightMethod.BAR:
+        assert coloured.sum() > 50
+        turned = np.degrees((hue - wanted + np.pi) % (2 * np.pi) - np.pi)[coloured]
+        assert np.abs(turned).max() < 3.5
 
 
 def test_bar_is_equations_11_and_12() -> None:

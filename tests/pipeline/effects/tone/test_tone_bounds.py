@@ -108,10 +108,12 @@ def test_nothing_is_shown_or_changed_beyond_the_bounds(
     assert said.low.min() >= 0
     assert said.high.max() <= 1 + 1e-12
 
+    # Where a hue lies on the display's edge, float32 says to 1e-5.
+    rounding = 2e-5 if hue is Hue.OKLAB else 2e-6
     passed = tone.propagate(change, range_, *state)
-    assert np.all(change_of(before, after) <= passed * (1 + 1e-5) + 2e-6)
+    assert np.all(change_of(before, after) <= passed * (1 + 1e-5) + rounding)
 
-    codes = tone.code_values(passed + 2e-6, said, display)
+    codes = tone.code_values(passed + rounding, said, display)
     difference = np.abs(encoded(after, display) - encoded(before, display))
     assert np.all(tiles(difference).max((0, -1)) <= codes * (1 + 1e-5))
 

@@ -58,7 +58,7 @@ def test_a_colour_below_zero_is_shown_as_black_and_touches_nothing_else(operator
     spoiled[0, 1, 0, 7] = -1e6
     before, after = (shown(image, 1.0, Tone(operator)) for image in (rgb, spoiled))
     assert np.array_equal(np.delete(before, 7, 1), np.delete(after, 7, 1))
-    assert after[1, 7] == 0
+    assert after[:, 7].max() < 1e-20
     assert after.min() >= 0
 
 
@@ -80,7 +80,7 @@ def test_the_display_is_full_from_the_stated_luminance_on(operator: Operator, pe
         full = tone.full_cd_m2(adapted, target, tone_, display)
         below, above = shown(greys([full * 0.999, full * 1.001]), adapted, tone_, display, target)[1]
         assert 0.99 < below < 1
-        assert above == 1
+        assert above == pytest.approx(1, abs=1e-6)
 
 
 # ACES
@@ -97,7 +97,7 @@ def test_aces_is_narkowiczs_formula_of_each_component(peak: float) -> None:
     grey = formula(np.array(0.18)) * min(100 / peak, 1)
     scale = brentq(lambda scale: float(formula(np.array(0.18 * scale)) - grey), 0.01, 2) * exposure(0.2)
     expected = np.minimum(formula(rgb[0, :, 0].astype(np.float64) * scale), 1)
-    np.testing.assert_allclose(shown(rgb, 0.2, Tone(), Display(peak)), expected, rtol=2e-6)
+    np.testing.assert_allclose(shown(rgb, 0.2, Tone(hue=Hue.CLIP), Display(peak)), expected, rtol=2e-6)
 
 
 def test_aces_turns_where_the_bounds_say() -> None:
@@ -117,8 +117,8 @@ def test_aces_turns_where_the_bounds_say() -> None:
 
 def test_a_grey_looks_the_same_whether_its_hue_is_kept_or_not() -> None:
     ramp = greys(np.geomspace(1e-3, 1e5, 300))
-    for hue in (Hue.RGB, Hue.XYY):
-        assert shown(ramp, 1.0, Tone(hue=hue)) == pytest.approx(shown(ramp, 1.0, Tone()), rel=2e-6)
+    for hue in Hue:
+        assert shown(ramp, 1.0, Tone(hue=hue)) == pytest.approx(shown(ramp, 1.0, Tone(hue=Hue.CLIP)), rel=2e-6)
 
 
 # Reinhard
@@ -133,7 +133,7 @@ def test_reinhard_is_the_papers_formula(adapted: float, white: float) -> None:
     y = np.einsum("c,cp->p", LUMINANCE_WEIGHTS, rgb[0, :, 0].astype(np.float64))
     exposed = key * y / adapted
     expected = rgb[0, :, 0] / y * exposed * (1 + exposed / white**2) / (1 + exposed)
-    actual = shown(rgb, adapted, Tone(Operator.REINHARD, white=white))
+    actual = shown(rgb, adapted, Tone(Operator.REINHARD, Hue.CLIP, white))
     assert actual == pytest.approx(np.minimum(expected, 1), rel=1e-5, abs=1e-12)
 
 
@@ -208,7 +208,7 @@ def test_durand_is_the_papers_formula(adapted: float) -> None:
     viewer = cone_threshold_cd_m2(50)
     cones, rods = viewer / cone_threshold_cd_m2(adapted), viewer / rod_threshold_cd_m2(adapted)
     expected = (cones * y + 0.04 / (0.04 + y) * rods * v) / 100
-    actual = shown(rgb, adapted, Tone(Operator.DURAND))
+    actual = shown(rgb, adapted, Tone(Operator.DURAND, Hue.CLIP))
     assert actual == pytest.approx(np.minimum(rgb[0, :, 0] / y * expected, 1), rel=2e-5)
 
 
@@ -256,7 +256,7 @@ def test_a_bright_red_lamp_is_red_if_hue_is_kept_and_turns_white_if_it_is_not() 
     """KRI figure 6.16."""
     lamp = np.array([500.0, 50.0, 30.0], np.float32)[None, :, None, None]
     for operator in (Operator.ACES, Operator.REINHARD, Operator.WARD):
-        clipped = shown(lamp, 1.0, Tone(operator))[:, 0]
+        clipped = shown(lamp, 1.0, Tone(operator, Hue.CLIP))[:, 0]
         kept = shown(lamp, 1.0, Tone(operator, Hue.RGB))[:, 0]
         assert clipped == pytest.approx([1, 1, 1], abs=0.05)
         assert kept == pytest.approx([1, 0.1, 0.06], rel=1e-5)
