@@ -13,6 +13,14 @@ import OpenImageIO as oiio
 import zmq
 
 LUMINANCE = np.array([0.2126, 0.7152, 0.0722])  # of linear Rec.709
+OKLAB_LMS = np.array(  # Ottosson 2020
+    [
+        [0.4122214708, 0.5363325363, 0.0514459929],
+        [0.2119034982, 0.6806995451, 0.1073969566],
+        [0.0883024619, 0.2817188376, 0.6299787005],
+    ]
+)
+OKLAB_AB = np.array([[1.9779984951, -2.4285922050, 0.4505937099], [0.0259040371, 0.7827717662, -0.8086757660]])
 TILE_DEG = 2.0  # the veil is smooth: tiles of this side are enough
 
 
@@ -110,14 +118,53 @@ def acuity(light, eye):
     return np.maximum(light + eye["acuity_weight"] * change[..., None], np.minimum(light, 0))
 
 
+def to_white(rgb):
+    """What is beyond the display keeps luminance and Oklab's hue: the angle around grey at which the display has it."""
+    y = np.minimum(rgb @ LUMINANCE, 1)[..., None]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        way = np.fmax((rgb.max(-1, keepdims=True) - y) / (1 - y), (y - rgb.min(-1, keepdims=True)) / y)[..., 0]
+    beyond = (way > 1.01) & (y[..., 0] > 0)
+    out = np.where(beyond[..., None] & (y >= 1), 1, np.clip(rgb, 0, 1)) * (y > 0)
+    beyond &= y[..., 0] < 1
+    colour, y, share = rgb[beyond], y[beyond], np.clip((way[beyond, None] - 1.01) * 20, 0, 1)
+    from_grey = colour / (colour @ LUMINANCE)[:, None] - 1
+    across = np.cross(LUMINANCE, from_grey)
+    across *= np.linalg.norm(from_grey, axis=1, keepdims=True) / np.linalg.norm(across, axis=1, keepdims=True)
+
+    def edge(angle):
+        step = np.cos(angle) * from_grey + np.sin(angle) * across
+        return y + step / np.maximum(step.max(1, keepdims=True) / (1 - y), -step.min(1, keepdims=True) / y)
+
+    def turned(angle):
+        """Positive where the hue at that angle lies on the far side of the colour's own."""
+        (a, b), (c, d) = (OKLAB_AB @ np.cbrt(OKLAB_LMS @ one.T) for one in (edge(angle), colour))
+        return (a * d - b * c)[:, None]
+
+    low, high = np.full_like(y, -1), np.full_like(y, 1)
+    sense = np.sign(turned(high))
+    for _ in range(16):
+        middle = (low + high) / 2
+        past = sense * turned(middle) > 0
+        low, high = np.where(past, low, middle), np.where(past, middle, high)
+    out[beyond] += share * (np.clip(edge(low), 0, 1) - out[beyond])
+    return out
+
+
+def within_peak(rgb):
+    """What a tint brings above the peak is mixed with white of its luminance."""
+    y, most = np.minimum(rgb @ LUMINANCE, 1)[..., None], rgb.max(-1, keepdims=True)
+    return y + (rgb - y) * np.where(most > 1, (1 - y) / np.maximum(most - y, 1e-9), 1)
+
+
 def shown(light, eye, black_share):
-    """The filmic curve of each component, colours towards the rods' grey, sRGB code values."""
-    if (eye["tone"], eye["hue"]) != ("aces", "clip"):
-        raise SystemExit(f"this example shows tone `aces` with hue `clip`, not {eye['tone']} with {eye['hue']}")
-    x = np.clip(light * eye["exposure"], 0, 1e4)
-    rgb = np.minimum(x * (2.51 * x + 0.03) / (x * (2.43 * x + 0.59) + 0.14), 1)
+    """The filmic curve of luminance, to white what is beyond the display, towards the rods' grey, sRGB code values."""
+    if (eye["tone"], eye["hue"]) != ("aces", "oklab"):
+        raise SystemExit(f"this example shows tone `aces` with hue `oklab`, not {eye['tone']} with {eye['hue']}")
+    x = np.clip(light @ LUMINANCE * eye["exposure"], 1e-30, 1e4)
+    curve = np.minimum(x * (2.51 * x + 0.03) / (x * (2.43 * x + 0.59) + 0.14), 1)
+    rgb = to_white(light * (curve / x * eye["exposure"])[..., None])
     grey = (rgb @ np.array(eye["rod_weights"]))[..., None] * np.array(eye["tint_rgb"])
-    rgb = rgb + eye["tint_share"] * (grey - rgb)
+    rgb = within_peak(rgb + eye["tint_share"] * (grey - rgb))
     share = np.clip((rgb - black_share) / (1 - black_share), 0, 1)
     return np.round(255 * np.where(share <= 0.0031308, 12.92 * share, 1.055 * share ** (1 / 2.4) - 0.055)).astype("u1")
 
