@@ -21,6 +21,14 @@ from entoptic.tracker_bridge.wire import Eye
 ADAPTED_CD_M2 = 0.01, 1.0, 100.0
 OWN_CURVE = "log10_of_adapted,share\n-3,0.005\n-1,0.06\n0,0.25\n1,0.6\n2,0.9\n3,1\n"
 """A person's own."""
+LAMPS = {
+    "white": (1.0, 1.0, 1.0),
+    "blue LED": (0.2, 0.45, 8.8),
+    "green": (0.016, 1.3701, 0.2326),
+    "sodium": (2.67, 0.6045, 0.0),
+    "red": (4.7021, 0.0, 0.0),
+}
+"""Linear Rec.709 at luminance 1."""
 COLOURS = {"aces": "#c8553d", "reinhard": "#2a6fbb", "ward": "#3d8b5f", "durand": "#8a5aa8", "curve": "#777777"}
 
 
@@ -30,12 +38,13 @@ def main(folder: Path) -> None:
         (path := Path(temporary) / "own.csv").write_text(OWN_CURVE)
         _plot_curves(str(path)).savefig(folder / "tone-curves.png", dpi=90)
         _plot_scene(str(path)).savefig(folder / "tone-scene.png", dpi=80)
+    _plot_lamps().savefig(folder / "tone-lamps.png", dpi=80)
 
 
 def tones(curve: str) -> dict[str, Tone]:
     """The operators as a person would set them, by name."""
     named = {operator.value: Tone(operator, curve=curve if operator is Operator.CURVE else "") for operator in Operator}
-    return named | {f"aces, hue {hue}": Tone(hue=hue) for hue in (Hue.RGB, Hue.XYY)}
+    return named | {f"aces, hue {hue}": Tone(hue=hue) for hue in Hue if hue is not Hue.OKLAB}
 
 
 def _plot_curves(curve: str) -> Figure:
@@ -64,7 +73,7 @@ def _plot_curves(curve: str) -> Figure:
     displays.set_title("aces, light of the display / (cd/m²)", size=10)
     displays.set_ylim(0.1, 3000)
     red = np.array([1.0, 0.1, 0.06])
-    for hue, style in ((Hue.CLIP, "-"), (Hue.RGB, "--"), (Hue.XYY, ":")):
+    for hue, style in ((Hue.OKLAB, "-"), (Hue.CLIP, "-."), (Hue.RGB, "--"), (Hue.XYY, ":")):
         image = _shown(light[None] * red[:, None], 1.0, 1.0, Tone(hue=hue))
         for share, color in zip(image, ("#c8352d", "#2f8f4e", "#2a5fbb"), strict=True):
             hues.semilogx(light, share, style, color=color, label=str(hue) if color == "#c8352d" else None)
@@ -90,12 +99,27 @@ def _plot_scene(curve: str) -> Figure:
     rgb = open_scene("night-street").frame(3.0, View(480, 400, 80.0), Head(), (Eye.LEFT,)).rgb_cd_m2
     plans = {name: (settings, 0.3) for name, settings in tones(curve).items()}
     plans["ward, still adapted to 0.03"] = (Tone(Operator.WARD), 0.03)
-    figure = Figure(figsize=(15, 6.6), layout="constrained")
-    for panel, (name, (settings, adapted)) in zip(figure.subplots(2, 4).flat, plans.items(), strict=True):
+    figure = Figure(figsize=(12, 10), layout="constrained")
+    for panel, (name, (settings, adapted)) in zip(figure.subplots(3, 3).flat, plans.items(), strict=True):
         shown = tone.show(rgb, [adapted], [0.3], settings, Display())
         panel.imshow(np.asarray(srgb_codes(shown, 0.0))[0])
         panel.set_title(name, size=11)
         panel.axis("off")
+    return figure
+
+
+def _plot_lamps() -> Figure:
+    """Glows that fall with the square of the distance, to an eye adapted to 1 cd/m²."""
+    size_px = 220
+    x, y = np.meshgrid(*[np.arange(size_px) - size_px / 2 + 0.5] * 2)
+    glow = 2e4 / (x * x + y * y + 25)
+    figure = Figure(figsize=(12, 10), layout="constrained")
+    for row, hue in zip(figure.subplots(len(Hue), len(LAMPS)), Hue, strict=True):
+        for panel, (name, lamp) in zip(row, LAMPS.items(), strict=True):
+            rgb = jnp.asarray(np.array(lamp)[:, None, None] * glow + 0.01, jnp.float32)[None]
+            panel.imshow(np.asarray(srgb_codes(tone.show(rgb, [1.0], [1.0], Tone(hue=hue), Display()), 0.0))[0])
+            panel.set_title(f"{name}, {hue}", size=11)
+            panel.axis("off")
     return figure
 
 

@@ -16,6 +16,7 @@ threshold.py  the smallest difference that is seen
 mesopic.py    luminance between day and night
 fft_length.py lengths of FFTs that always give the same bytes
 fast_math.py  cube root, exponential and arc tangent at a fraction of their price
+display_gamut.py  the colours that a display has
 render.py     runs a plan
 sinks/        where perceived frames go
 cost/         what accuracy costs in time

@@ -38,7 +38,8 @@ def warm_up(
     for lamp_cd_m2, asked in ((5e3, effects), (1e6, effects), *((5e3, one) for one in reduced)):
         if stopped():
             return
-        lamp[:, :, view.height_px // 2, view.width_px // 2] = lamp_cd_m2
+        # A colour that no display has at that luminance: what maps it is compiled as well.
+        lamp[:, :2, view.height_px // 2, view.width_px // 2] = lamp_cd_m2
         frame = Frame.from_rgb(lamp, view.fov_deg)
         perceive(
             frame, EyePose(pupil_diameter_mm=4.1), observer=observer, display=display, effects=asked, planning=in_full

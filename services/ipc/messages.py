@@ -170,7 +170,7 @@ class EngineEye(msgspec.Struct, frozen=True):
     tone: str
     """The operator."""
     hue: str
-    """What becomes of colours beyond the display's: clip, rgb or xyy."""
+    """What becomes of colours beyond the display's: oklab, clip, rgb or xyy."""
     exposure: float
     """1/(cd/m²): what to multiply the image by before the tone curve."""
     tone_numbers: tuple[float, ...]

@@ -48,11 +48,11 @@ class NightColourEffect(Effect[NightColour, None]):
     domain = Domain.DISPLAY
     Settings = NightColour
     costs: Mapping[str, Cost] = {
-        "lui": Cost(0.3, 3.7),
-        "kri-xy": Cost(0.3, 5.5),
-        "kri-rgb": Cost(0.3, 3.3),
+        "lui": Cost(0.3, 5.3),
+        "kri-xy": Cost(0.3, 7.1),
+        "kri-rgb": Cost(0.3, 4.9),
         "bar": Cost(0.3, 3.3),
-        "rods": Cost(0.3, 3.5),
+        "rods": Cost(0.3, 5.1),
     }
 
     def full_level(self, settings: NightColour) -> str:

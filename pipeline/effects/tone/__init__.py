@@ -4,7 +4,9 @@ settings.py  which operator, and what becomes of colours beyond the display's
 show.py      the one entry: a frame in cd/m² as the display shows it
 filmic.py  reinhard.py  ward.py  durand.py  own_curve.py   the operators: what they make of an eye's adaptation, of a
              pixel, and of an interval
-hue.py       colours beyond the display's
+gamut.py     colours beyond the display's go to white at their luminance and hue
+oklab.py     which colour of the display has a hue: its table
+hue.py       the other ways with them, and what all ways make of ranges and changes
 bounds.py    what tone mapping makes of a range of values and of a change
 code_values.py  what that is in code values
 """
@@ -65,11 +67,11 @@ class ToneEffect(Effect[Tone, None]):
     Settings = Tone
     optional = False
     costs: Mapping[str, Cost] = {
-        "aces": Cost(0.3, 1.8),
-        "reinhard": Cost(0.3, 4.6),
-        "ward": Cost(0.3, 2.3),
-        "durand": Cost(0.3, 10.5),
-        "curve": Cost(0.3, 10.5),
+        "aces": Cost(0.5, 4.3),
+        "reinhard": Cost(0.5, 5.5),
+        "ward": Cost(0.5, 4.0),
+        "durand": Cost(0.5, 11.5),
+        "curve": Cost(0.5, 11.5),
     }
 
     def check(self, settings: Tone) -> None:
@@ -111,7 +113,7 @@ class ToneEffect(Effect[Tone, None]):
 
     def variants(self) -> Mapping[str, Tone]:
         return {
-            operator.value if hue is Hue.CLIP else f"{operator.value}, {hue.value}": Tone(operator=operator, hue=hue)
+            operator.value if hue is Hue.OKLAB else f"{operator.value}, {hue.value}": Tone(operator=operator, hue=hue)
             for operator in Operator
             if operator is not Operator.CURVE
             for hue in Hue
