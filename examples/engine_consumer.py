@@ -119,7 +119,7 @@ def acuity(light, eye):
 
 
 def to_white(rgb):
-    """What is beyond the display keeps luminance and Oklab's hue: the angle around grey at which the display has it."""
+    """What is beyond the display keeps Oklab's hue: at some angle around grey, and is dimmed."""
     y = np.minimum(rgb @ LUMINANCE, 1)[..., None]
     with np.errstate(divide="ignore", invalid="ignore"):
         way = np.fmax((rgb.max(-1, keepdims=True) - y) / (1 - y), (y - rgb.min(-1, keepdims=True)) / y)[..., 0]
@@ -127,6 +127,7 @@ def to_white(rgb):
     out = np.where(beyond[..., None] & (y >= 1), 1, np.clip(rgb, 0, 1)) * (y > 0)
     beyond &= y[..., 0] < 1
     colour, y, share = rgb[beyond], y[beyond], np.clip((way[beyond, None] - 1.01) * 20, 0, 1)
+    y = y * np.maximum(colour.max(1, keepdims=True), 1) ** (-0.75 * (1 - y))
     from_grey = colour / (colour @ LUMINANCE)[:, None] - 1
     across = np.cross(LUMINANCE, from_grey)
     across *= np.linalg.norm(from_grey, axis=1, keepdims=True) / np.linalg.norm(across, axis=1, keepdims=True)

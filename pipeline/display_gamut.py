@@ -54,3 +54,14 @@ def change_within_peak(change: NDArray[np.float64], beyond: NDArray[np.bool_]) -
         moved = np.maximum(change[3] / weight, change[k] + (1 / weight - 1) * change[:3].max(0))
         out[k] = np.where(beyond, np.minimum(moved, np.maximum(change[k], 1)), change[k])
     return out
+
+
+def moved_within_peak(above: NDArray[np.float64]) -> NDArray[np.float64]:
+    """How far `within_peak` moves each component at most, (3, …), where components may be above the peak by so much.
+
+    By (M − 1)·|q|, with M and q as above: the largest falls by what it is above, another rises by 1/w − 1 times that.
+    """
+    moved = np.empty_like(above)
+    for k, weight in enumerate(LUMINANCE_WEIGHTS):
+        moved[k] = np.maximum(above[k], (1 / weight - 1) * np.maximum(above[k - 1], above[k - 2]))
+    return moved

@@ -1,4 +1,4 @@
-"""Colours beyond the display's, one by one, in float64: to white at one luminance and one hue of Oklab.
+"""Colours beyond the display's, one by one, in float64: to white at one hue of Oklab.
 
 Oklab as Ottosson 2020 states it, of CIE XYZ; the colour sought is found by halving an angle around grey.
 """
@@ -29,6 +29,8 @@ LMS_TO_LAB = np.array(
 )
 CLIPPED, MAPPED = 0.01, 0.06
 """Beyond the display by so much of the distance from grey: up to the first clipped, from the second on mapped."""
+TRADED = 0.75
+"""Exponent of luminance lost for what the brightest component is too bright."""
 
 
 def hue(rgb: Reals) -> Reals:
@@ -51,7 +53,8 @@ def to_white(rgb: Reals) -> Reals:
     left = (share > 0) & (y < 1)
     # A blue within the triangle of chromaticities fills its peak.
     fills = np.clip((by_peak - 1) * 20, 0, 1) * np.clip(1 - (by_black - 1) * 20, 0, 1)
-    out[:, left] += share[left] * (_edge(flat[:, left], y[left], fills[left]) - out[:, left])
+    dimmed = y * np.maximum(flat.max(0), 1) ** (-TRADED * (1 - y))
+    out[:, left] += share[left] * (_edge(flat[:, left], dimmed[left], fills[left]) - out[:, left])
     return np.asarray(out.reshape(rgb.shape))
 
 

@@ -33,9 +33,11 @@ def shifted(displayed: Reals, scene: Reals, adapted_cd_m2: float, settings: Nigh
     if method is NightMethod.KRI_XY:
         return within_peak(kri_xy(displayed, rods))
     colour = {NightMethod.LUI: TINT, NightMethod.KRI_RGB: KRI_TINT, NightMethod.BAR: (1.0, 1.0, 1.0)}
-    if method is NightMethod.RODS:
-        return within_peak(towards(displayed, tint(method, adapted_cd_m2), rods, weights(method)))
-    return within_peak(towards(displayed, np.array(colour[method]), rods))
+    tinted = np.array(colour[method]) if method in colour else tint(method, adapted_cd_m2)
+    blended = towards(displayed, tinted, rods, weights(method))
+    # What is above the peak by less than a thousandth, in bright light, is left to be clipped.
+    clipped = not settings.per_pixel and float(np.max(rods)) * (tinted.max() - 1) <= 1e-3
+    return blended if clipped else within_peak(blended)
 
 
 def night_tint(displayed: Reals, adapted_cd_m2: float) -> Reals:

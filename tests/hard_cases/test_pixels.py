@@ -7,6 +7,7 @@ import pytest
 from hard_frames import EVERYTHING, UNSPREAD, WIDTH, grey, linear, see, textured
 
 from entoptic.pipeline import Glare, GlareLevel, GlareModel, RenderState
+from entoptic.pipeline.frame import LUMINANCE_WEIGHTS
 
 BAD = [-1e-6, -1.0, -1e4, -math.inf, math.nan]
 Y, X = 10, 12
@@ -50,14 +51,16 @@ def test_a_negative_pixel_is_a_black_one_in_every_effect(bad: float) -> None:
     assert np.array_equal(linear(perceived), linear(black))
 
 
-def test_one_negative_component_leaves_the_others_as_they_are() -> None:
+def test_one_negative_component_leaves_its_pixels_luminance_and_all_others_as_they_are() -> None:
     rgb, state = textured(100.0), RenderState((1e6,))
     clear = linear(see(rgb, state=state, glare=UNSPREAD, planning=EVERYTHING))
     rgb[Y, X, 2] = -0.5
     image = linear(see(rgb, state=state, glare=UNSPREAD, planning=EVERYTHING))
-    assert np.argwhere(image != clear).tolist() == [[Y, X, 2]]
+    assert {tuple(at) for at in np.argwhere(image != clear)[:, :2]} == {(Y, X)}
     # Rods see the others there too, and tint them: 2e-8 of them to an eye adapted to 1e6 cd/m².
     assert image[Y, X, 2] < 1e-9
+    lost = 0.0722 * clear[Y, X, 2]
+    assert image[Y, X] @ LUMINANCE_WEIGHTS == pytest.approx(clear[Y, X] @ LUMINANCE_WEIGHTS - lost, rel=0.01)
 
 
 @pytest.mark.parametrize("adapted", [1e-6, 0.01, 1.0, 1e4])

@@ -12,9 +12,10 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from entoptic.pipeline.display_gamut import change_within_peak
+from entoptic.pipeline.display_gamut import change_within_peak, moved_within_peak
 from entoptic.pipeline.effects.night_colour.settings import NightColour, NightMethod
 from entoptic.pipeline.effects.night_colour.share import adapted_share, largest_step, share
+from entoptic.pipeline.effects.night_colour.shift import may_exceed
 from entoptic.pipeline.effects.night_colour.tints import BLUE_XY, tint, weights
 from entoptic.pipeline.frame import LUMINANCE_WEIGHTS, FrameError
 from entoptic.pipeline.primaries import SUM_WEIGHTS
@@ -37,7 +38,14 @@ def skip_bound(range_: Range, adapted_cd_m2: float, settings: NightColour, scene
     still = np.zeros_like(range_.low)
     shares = _shares(range_, still, adapted_cd_m2, settings, scene, still)
     distance = shares.high * _distance(range_, adapted_cd_m2, settings.method)
-    return change_within_peak(distance, _above_peak(range_.high, shares, adapted_cd_m2, settings.method))
+    if _stays(shares, adapted_cd_m2, settings):
+        return distance
+    brighter = np.maximum(tint(settings.method, adapted_cd_m2) - 1, 0)[:, None, None]
+    # Of a component c, (1 − s)·c + s·tint·q, and rods see no more than the largest of a colour, q ≤ 1.
+    above = np.maximum(range_.high[:3] - 1, 0) + shares.high * brighter
+    beyond = _above_peak(range_.high, shares, adapted_cd_m2, settings.method)
+    distance[:3] += np.where(beyond, moved_within_peak(above), 0)
+    return distance
 
 
 def propagate(
@@ -61,7 +69,15 @@ def propagate(
         out[k] = np.maximum(with_fewest, with_most)
     if shares.step.any():
         out += shares.step * _distance(range_.widened(change), adapted_cd_m2, settings.method)
+    if _stays(shares, adapted_cd_m2, settings):
+        return out
     return change_within_peak(out, _above_peak(range_.high + change, shares, adapted_cd_m2, settings.method))
+
+
+def _stays(shares: _Shares, adapted_cd_m2: float, settings: NightColour) -> bool:
+    """Whether what a tint brings above the peak is left there."""
+    largest_tint = float(tint(settings.method, adapted_cd_m2).max())
+    return not (settings.per_pixel or may_exceed(settings.method, float(shares.high.max()), largest_tint))
 
 
 def _above_peak(high: Tiles, shares: _Shares, adapted_cd_m2: float, method: NightMethod) -> NDArray[np.bool_]:

@@ -25,6 +25,9 @@ from entoptic.pipeline.frame import LUMINANCE_WEIGHTS, FrameError
 from entoptic.pipeline.measure import luminance
 from entoptic.pipeline.primaries import SUM_WEIGHTS
 
+LEAST_ABOVE_PEAK = 1e-3
+"""What is above the peak by no more is left to be clipped: a quarter of a code value, and no pass more by day."""
+
 
 def shift(
     displayed: Float[Array, "eye 3 y x"],
@@ -43,33 +46,45 @@ def shift(
     seen_by = weights(method)
     if not settings.per_pixel:
         shares = adapted_share(adapted, settings).astype(np.float32)
-        return _blend(displayed, shares[:, None, None], tints, seen_by, method)
+        exceeds = may_exceed(method, float(shares.max()), float(tints.max()))
+        return _blend(displayed, shares[:, None, None], tints, seen_by, method, exceeds)
     if scene is None:
         raise FrameError("night colour per pixel: pass the frame in cd/m² as well, or set per_pixel = false")
     return _blend_per_pixel(displayed, scene, tints, seen_by, method)
+
+
+def may_exceed(method: NightMethod, largest_share: float, largest_tint: float) -> bool:
+    """Whether a component may come out above the peak by more than LEAST_ABOVE_PEAK.
+
+    As white does, whose components become 1 + s·(tint − 1). KRI's share of light is larger than its σ, and BAR's grey
+    no brighter than what it is made of.
+    """
+    if method in (NightMethod.KRI_XY, NightMethod.BAR):
+        return method is NightMethod.KRI_XY
+    return largest_share * (largest_tint - 1) > LEAST_ABOVE_PEAK
 
 
 def night_tint(displayed: Float[Array, "eye 3 y x"], rod_share: Float[Array, "eye"]) -> Float[Array, "eye 3 y x"]:
     """A displayed frame (linear, 1 = peak) blended towards LUI's tinted grey by the rods' share σ(L_i) in [0, 1]."""
     shares = jnp.asarray(rod_share, jnp.float32)[:, None, None]
     tints = jnp.broadcast_to(jnp.asarray(TINT, jnp.float32), (displayed.shape[0], 3))
-    return _blend(displayed, shares, tints, LUMINANCE_WEIGHTS, NightMethod.LUI)
+    return _blend(displayed, shares, tints, LUMINANCE_WEIGHTS, NightMethod.LUI, True)
 
 
-@functools.partial(jax.jit, static_argnames=("seen_by", "method"))
+@functools.partial(jax.jit, static_argnames=("seen_by", "method", "exceeds"))
 def _blend(
     displayed: Float[Array, "eye 3 y x"],
     shares: Float[Array, "eye #y #x"],
     tints: Float[Array, "eye 3"],
     seen_by: tuple[float, float, float],
     method: NightMethod,
+    exceeds: bool,
 ) -> Float[Array, "eye 3 y x"]:
     if method is NightMethod.KRI_XY:
         shares = _of_blue(displayed, shares)
     seen = _weighted(displayed, seen_by)
     blended = displayed * (1 - shares[:, None]) + tints[:, :, None, None] * seen[:, None] * shares[:, None]
-    # BAR's grey is no brighter than what it is made of.
-    return blended if method is NightMethod.BAR else within_peak(blended)
+    return within_peak(blended) if exceeds else blended
 
 
 @functools.partial(jax.jit, static_argnames=("seen_by", "method"))
@@ -81,7 +96,7 @@ def _blend_per_pixel(
     method: NightMethod,
 ) -> Float[Array, "eye 3 y x"]:
     shares = share(jnp.maximum(luminance(scene), 0), method)
-    return _blend(displayed, shares, tints, seen_by, method)
+    return _blend(displayed, shares, tints, seen_by, method, may_exceed(method, 1.0, np.inf))
 
 
 def _of_blue(displayed: Float[Array, "eye 3 y x"], sigma: Float[Array, "eye #y #x"]) -> Float[Array, "eye y x"]:

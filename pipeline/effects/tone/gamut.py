@@ -1,10 +1,10 @@
-"""Colours beyond the display's go to white and keep luminance and hue.
+"""Colours beyond the display's go to white along a path of one hue.
 
-A colour keeps its luminance, at most the display's, and so its CIE lightness; it loses chroma at Oklab's hue until the
-display has it: chroma clipping at constant lightness and hue (CIE 156:2004, Morovič 2008), with the hue of Ottosson
-2020, whose own clipping and CSS Color 4's chroma reduction keep Oklab's lightness instead. With a curve of luminance, a
-lamp's glow is as bright at each place as the curve says and turns white where that is the peak. Colours with a
-component below 0, spectral ones of glare, are brought back to the display's edge in the same way.
+A colour loses chroma at Oklab's hue and one luminance until the display has it: chroma clipping at constant hue and CIE
+lightness (CIE 156:2004, Morovič 2008), with the hue of Ottosson 2020. Before, it is dimmed: as in Ottosson's clipping
+"with adaptive L0" (2021) lightness is traded for chroma, and here the less the nearer its luminance is to white's. So a
+lamp's glow turns white where a curve of luminance is at the peak, and a saturated one keeps its colour for longer.
+Colours with a component below 0, spectral ones of glare, are brought back to the display's edge in the same way.
 
 Few pixels of most frames are beyond the display, and the others cost nothing: blocks that hold any are cut out, mapped,
 and put back.
@@ -20,7 +20,7 @@ import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 from numpy.typing import NDArray
 
-from entoptic.pipeline.effects.tone.hue import weighted
+from entoptic.pipeline.effects.tone.hue import TRADED, weighted
 from entoptic.pipeline.effects.tone.oklab import HUES, LUMINANCES, TO_A, TO_B, TO_LMS, directions, turn
 from entoptic.pipeline.fast_math import cube_root
 from entoptic.pipeline.frame import LUMINANCE_WEIGHTS
@@ -133,16 +133,20 @@ def _put(
 def to_white(
     planes: list[Float[Array, "block y x"]], red: Float[Array, "cell"], blue: Float[Array, "cell"]
 ) -> list[Float[Array, "block y x"]]:
-    """Colours beyond the display, linear Rec.709 and 1 = its peak, on the display's edge at their luminance and hue.
+    """Colours beyond the display, linear Rec.709 and 1 = its peak, on the display's edge at their hue.
 
     What has no luminance becomes black. `red` and `blue` are the tables of `oklab.directions`. The barriers keep XLA
     from working out each step again for each of three channels.
     """
     y = jnp.maximum(weighted(planes, LUMINANCE_WEIGHTS), _TINY)
     y, per_y = _apart(y, 1 / y)
-    luminance = jnp.minimum(y, 1)
+    whole = jnp.minimum(y, 1)
     # Hue does not depend on luminance, and this keeps cube roots within float32.
     ratios = [jnp.clip(plane * per_y, -100, 100) for plane in planes]
+    by_peak, by_black = _apart(*_beyond_edge([(ratio - 1) * whole for ratio in ratios], whole))
+    brightest = jnp.maximum(jnp.maximum(ratios[0], ratios[1]), ratios[2]) * y
+    dims = jnp.exp(jnp.log(jnp.maximum(brightest, 1)) * (np.float32(-TRADED) * (1 - whole)))
+    (luminance,) = _apart(whole * dims)
     roots = _apart(*(_signed_root(weighted(ratios, row)) for row in TO_LMS))
     hue = turn(weighted(roots, TO_A), weighted(roots, TO_B)) * np.float32(HUES / 4)
     hue, level = _apart(jnp.clip(hue, 0, HUES - np.float32(1e-3)), luminance * np.float32(LUMINANCES))
@@ -152,17 +156,13 @@ def to_white(
     up, sideways = _apart(_between(red, cell, across, along), _between(blue, cell, across, along))
     r, g, b = LUMINANCE_WEIGHTS
     direction = [up, up * np.float32(-r / g) + sideways * np.float32(-b / g), sideways]
-    from_grey = [(ratio - 1) * luminance for ratio in ratios]
-    by_peak, by_black = _apart(*_beyond_edge(from_grey, luminance))
     # Near blue a path of one hue leaves the display's triangle of chromaticities for a while. What lies in the triangle
     # and is too bright is clipped there: it would lose the peak of its blue, and is off by 0.2° instead.
     fills = jnp.clip((by_peak - 1) * 20, 0, 1) * jnp.clip(1 - (by_black - 1) * 20, 0, 1)
     way_to_peak, way_to_black = _beyond_edge(direction, luminance)
     ends = 1 / jnp.maximum(way_to_peak, (1 - fills) * way_to_black)
-    share, ends = _apart(
-        jnp.clip((jnp.maximum(by_peak, by_black) - np.float32(1 + CLIPPED)) * np.float32(1 / (MAPPED - CLIPPED)), 0, 1),
-        ends,
-    )
+    share = (jnp.maximum(by_peak, by_black) - np.float32(1 + CLIPPED)) * np.float32(1 / (MAPPED - CLIPPED))
+    share, ends = _apart(jnp.clip(share, 0, 1), ends)
     mapped = [jnp.clip(luminance + step * ends, 0, 1) for step in direction]
     return [
         clipped + share * (one - clipped)

@@ -17,14 +17,21 @@ from numpy.typing import NDArray
 from entoptic.pipeline.display_gamut import WEIGHTS, components_at
 from entoptic.pipeline.effects.tone.settings import Hue
 
-DARKER, BRIGHTER = 0.06, 0.15
-"""gamut.py makes a colour darker by at most so much of what it lacks to white, and brighter by so much of its own
-luminance: what is hardly beyond the display is clipped, and so are blues. Found by search: 0.014 and 0.12."""
-STEEPEST = 12.5
-"""At most so many times a change over a component's weight is what it makes of it. Found by search over 16 million
-pairs, 11.3: near blue, Oklab's hue hardly changes along the display's edge, and a small change goes far."""
-STEEPEST_LUMINANCE = 18.0, 1.8
-"""The same of luminance: of its own change and of the largest component's. Found likewise: 17 and 1.7."""
+TRADED = 0.75
+"""A colour too bright for the display is dimmed by its largest component to this power, less towards white: what
+is lost as luminance keeps chroma. Engineering choice by looking at lamps: with 0 a red one is a white disc with a hard
+edge, with 1 a blue one's glow a flat disc."""
+DARKER, BRIGHTER = 0.06, 0.18
+"""gamut.py makes a colour darker than it is dimmed by at most so much of what it lacks to white, and brighter by so
+much of its luminance: what is hardly beyond the display is clipped, and so are blues. By search: 0.014 and 0.145."""
+PALE, SINKS, SLIPS = 0.01, 0.78, 0.005
+"""Where no component is less than the first of the largest, each is, dimmed, at least the second of the lesser of itself
+and of luminance, less the third. By search, 0.80 and 0.003: from cyan and blue to white red sinks at first."""
+STEEPEST = 16.0
+"""At most so many times a change over a component's weight is what gamut.py makes of it. By search over 16 million
+pairs, 14.7: near blue, Oklab's hue hardly changes along the display's edge, and a small change goes far."""
+STEEPEST_LUMINANCE = 26.0, 2.6
+"""The same of luminance: of its own change and of the largest component's. By search, 24 and 2.4."""
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -73,11 +80,9 @@ def divisor(
 
 def range_within(mapped: Mapped, hue: Hue) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """What may stand in each component after that; (3, rows, columns) each."""
-    low, high = mapped.low, mapped.high
     if hue is Hue.OKLAB:
-        least, most = components_at(mapped.y[0] - DARKER * (1 - mapped.y[0]), (1 + BRIGHTER) * mapped.y[1])
-        beyond = mapped.may_be_beyond
-        return np.where(beyond, least, low), np.where(beyond, most, high)
+        return _to_white(mapped)
+    low, high = mapped.low, mapped.high
     return np.minimum(low / _divisor(high, hue), 1), np.minimum(high / _divisor(low, hue), 1)
 
 
@@ -111,6 +116,18 @@ def with_luminance(rgb: NDArray[np.float64]) -> NDArray[np.float64]:
     both[:3] = rgb
     np.matmul(WEIGHTS, rgb.reshape(3, -1), out=both[3].reshape(-1))
     return both
+
+
+def _to_white(mapped: Mapped) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    low, high, beyond = mapped.low, mapped.high, mapped.may_be_beyond
+    y_low, y_high = np.minimum(mapped.y, 1)
+    # Y·m^(−TRADED·(1 − Y)) rises with luminance and falls with the largest component m.
+    dimmed = np.maximum(high.max(0), 1) ** (-TRADED * (1 - y_low))
+    darkest = y_low * dimmed
+    least, most = components_at(darkest - DARKER * (1 - darkest), (1 + BRIGHTER) * y_high)
+    pale = ~mapped.below & (low.min(0) >= PALE * high.max(0))
+    least = np.maximum(least, np.where(pale, SINKS * dimmed * np.minimum(low, y_low) - SLIPS, 0))
+    return np.where(beyond, np.minimum(low, least), low), np.where(beyond, most, high)
 
 
 def _change_to_white(change: NDArray[np.float64], y_change: NDArray[np.float64], mapped: Mapped) -> NDArray[np.float64]:
