@@ -109,10 +109,10 @@ def _plot_scene(curve: str) -> Figure:
 
 
 def _plot_lamps() -> Figure:
-    """Glows that fall with the square of the distance, to an eye adapted to 1 cd/m²."""
-    size_px = 220
+    """Glows that fall with distance to the power of 2.5, to an eye adapted to 1 cd/m²."""
+    size_px = 160
     x, y = np.meshgrid(*[np.arange(size_px) - size_px / 2 + 0.5] * 2)
-    glow = 2e4 / (x * x + y * y + 25)
+    glow = 2e3 / (x * x + y * y + 9) ** 1.25 * 30
     figure = Figure(figsize=(12, 10), layout="constrained")
     for row, hue in zip(figure.subplots(len(Hue), len(LAMPS)), Hue, strict=True):
         for panel, (name, lamp) in zip(row, LAMPS.items(), strict=True):

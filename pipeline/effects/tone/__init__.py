@@ -4,7 +4,7 @@ settings.py  which operator, and what becomes of colours beyond the display's
 show.py      the one entry: a frame in cd/m² as the display shows it
 filmic.py  reinhard.py  ward.py  durand.py  own_curve.py   the operators: what they make of an eye's adaptation, of a
              pixel, and of an interval
-gamut.py     colours beyond the display's go to white at their luminance and hue
+gamut.py     colours beyond the display's go to white at their hue
 oklab.py     which colour of the display has a hue: its table
 hue.py       the other ways with them, and what all ways make of ranges and changes
 bounds.py    what tone mapping makes of a range of values and of a change

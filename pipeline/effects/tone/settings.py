@@ -28,8 +28,8 @@ class Hue(DescribedEnum):
     OKLAB = (
         "oklab",
         (
-            "Luminance and hue are kept and chroma is lost until the display has the colour: bright lamps go to white "
-            "without a change of hue (Ottosson's Oklab; CIE 156)."
+            "Hue is kept, and luminance and chroma are lost until the display has the colour: bright lamps go to "
+            "white without a change of hue (Ottosson's Oklab; CIE 156)."
         ),
     )
     CLIP = (
