@@ -100,9 +100,11 @@ def test_rods_colour_and_mesopic_shares_are_within_2e_6(name: str, adapted: floa
     shown = displayed(exact, adapted)
     settings, plainly = NIGHTS[way]
     image = np.asarray(shift(jnp.asarray(shown, jnp.float32)[None], [adapted], settings, jnp.asarray(rgb)[None]))[0]
-    apart = np.abs(image - night_colour.within_peak(plainly(shown, exact, adapted))) / np.maximum(
-        shown.max(axis=0), 1e-30
-    )
+    truth = plainly(shown, exact, adapted)
+    # By day a tint brings no more than a thousandth above the peak, which is left to be clipped.
+    if adapted < 1 or settings.per_pixel:
+        truth = night_colour.within_peak(truth)
+    apart = np.abs(image - truth) / np.maximum(shown.max(axis=0), 1e-30)
     assert apart.max() <= 2e-6
 
 

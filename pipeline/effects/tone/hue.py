@@ -24,9 +24,9 @@ edge, with 1 a blue one's glow a flat disc."""
 DARKER, BRIGHTER = 0.06, 0.18
 """gamut.py makes a colour darker than it is dimmed by at most so much of what it lacks to white, and brighter by so
 much of its luminance: what is hardly beyond the display is clipped, and so are blues. By search: 0.014 and 0.145."""
-PALE, SINKS, SLIPS = 0.01, 0.78, 0.005
-"""Where no component is less than the first of the largest, each is, dimmed, at least the second of the lesser of itself
-and of luminance, less the third. By search, 0.80 and 0.003: from cyan and blue to white red sinks at first."""
+PALE, SINKS, SLIPS = 0.01, (0.78, 0.99, 0.97), 0.004
+"""Where no component is less than the first of the largest, each is, dimmed, at least its share of the lesser of itself
+and of luminance, less the third. By search, 0.80, 1.0, 0.98 and 0.003: from cyan and blue to white red sinks at first."""
 STEEPEST = 16.0
 """At most so many times a change over a component's weight is what gamut.py makes of it. By search over 16 million
 pairs, 14.7: near blue, Oklab's hue hardly changes along the display's edge, and a small change goes far."""
@@ -125,8 +125,9 @@ def _to_white(mapped: Mapped) -> tuple[NDArray[np.float64], NDArray[np.float64]]
     dimmed = np.maximum(high.max(0), 1) ** (-TRADED * (1 - y_low))
     darkest = y_low * dimmed
     least, most = components_at(darkest - DARKER * (1 - darkest), (1 + BRIGHTER) * y_high)
+    sinks = np.array(SINKS)[:, None, None]
     pale = ~mapped.below & (low.min(0) >= PALE * high.max(0))
-    least = np.maximum(least, np.where(pale, SINKS * dimmed * np.minimum(low, y_low) - SLIPS, 0))
+    least = np.maximum(least, np.where(pale, sinks * dimmed * np.minimum(low, y_low) - SLIPS, 0))
     return np.where(beyond, np.minimum(low, least), low), np.where(beyond, most, high)
 
 
