@@ -26,7 +26,7 @@ DARKER, BRIGHTER = 0.06, 0.18
 much of its luminance: what is hardly beyond the display is clipped, and so are blues. By search: 0.014 and 0.145."""
 PALE, SINKS, SLIPS = 0.01, (0.78, 0.99, 0.97), 0.004
 """Where no component is less than the first of the largest, each is, dimmed, at least its share of the lesser of itself
-and of luminance, less the third. By search, 0.80, 1.0, 0.98 and 0.003: from cyan and blue to white red sinks at first."""
+and luminance, less the third. By search, 0.80, 1.0, 0.98, 0.003: from cyan and blue to white red sinks at first."""
 STEEPEST = 16.0
 """At most so many times a change over a component's weight is what gamut.py makes of it. By search over 16 million
 pairs, 14.7: near blue, Oklab's hue hardly changes along the display's edge, and a small change goes far."""
