@@ -1,87 +1,60 @@
-"""How much glare can change each tile of a frame, from the tiles' ranges alone.
+"""How much all this can change, from the tiles' ranges alone.
 
 A pixel gives away a share of its own light and gets the same shares of the light around it, so it changes by no more
-than the sum, over rings around it, of what the kernel scatters there times how far the light there can differ from its
+than the sum, over rings around it, of what the eye scatters there times how far the light there can differ from its
 own. A plain wall hardly changes; a wall beside a lamp does. Beyond the frame's edge it is dark.
+
+Rings are squares of tiles. What is scattered beyond a number of pixels is what is scattered beyond the least angle that
+so many pixels are anywhere around: more than there is, but never less.
 """
 
 from __future__ import annotations
 
 import functools
 import math
+from collections.abc import Callable
 
 import numpy as np
-import scipy.ndimage
 from numpy.typing import NDArray
 
-from entoptic.pipeline.effects.glare.kernel import Mixture, Veil
+from entoptic.pipeline.effects.glare.kernel import Mixture, Part, far_deg
+from entoptic.pipeline.effects.glare.scatter import plane_for
 from entoptic.pipeline.effects.glare.settings import GlareLevel
-from entoptic.pipeline.effects.glare.veil import amounts
-from entoptic.pipeline.effects.glare.window import falloff, float32_limit_cd_m2, window_of
-from entoptic.pipeline.frame import View
-from entoptic.pipeline.measure import SOURCE_RATIO, Measurement
+from entoptic.pipeline.frame import LUMINANCE_WEIGHTS, View
+from entoptic.pipeline.measure import Measurement
 from entoptic.pipeline.optics import radial
 from entoptic.pipeline.ranges import Change, Range
 
-VEIL_MARGIN = 0.1
-"""Of what a veil brings: its tiles are up to 2 % off at 9–10° (docs/optics.md), and the share that comes from within
-the frame is summed coarsely here."""
-VEIL_SWING = 2e-6
-"""Of the brightest light's veil: by how much cubic tiles swing where none arrives. Measured: 1e-6."""
-FIELD = 48
-"""The field is summed in so many parts along each axis, and a veil looked at in a quarter as many places."""
-ROUNDED = 3e-8
-"""Rounding of a convolution in float32, as a share of the brightest light that is convolved so. Measured: 2e-8 from one
-channel to another of a frame half of which is lit."""
-STEEPEST = 3.0
-"""The falloff's steepest slope, per reach."""
+Off = tuple[float, float, float]
+"""How far off what is near is, what is far, and the angle in degrees between."""
+ALL: Off = (1.0, 1.0, 0.0)
+OFF_NEAR = {GlareLevel.EIGHTH: 1.0, GlareLevel.QUARTER: 0.6, GlareLevel.HALF: 0.5, GlareLevel.FULL: 0.4}
+"""How far a level is off in what is near, as a share of what is near and can change."""
+OFF_FAR = {GlareLevel.EIGHTH: 0.12, GlareLevel.QUARTER: 0.08, GlareLevel.HALF: 0.08, GlareLevel.FULL: 0.08}
+"""The same of what is far. Both measured on frames of noise, which are worse than any picture (test_changes.py)."""
+ANGLES_DEG = np.concatenate([[0.0], np.geomspace(1e-3, radial.EDGE_DEG, 240)])
+"""At which it is known what is scattered further."""
+SAMPLED = ((96.0, 48), (12.0, 108))
+"""Samples per degree of a part, and how many to each side: the finer, as far as they reach, in place of the coarser."""
+NEXT_PX = 0.5
+"""Light scattered no further stays in its pixel."""
+
+
+def skipped(mixture: Mixture, measured: Measurement, ceiling_cd_m2: float | None = None) -> Change:
+    """The most that leaving glare out changes, in cd/m²."""
+    return _change(mixture, measured, ceiling_cd_m2, ALL)
 
 
 def reduced(
-    kernel: Mixture,
-    measured: Measurement,
-    gaze_px: tuple[float, float],
-    asked: GlareLevel,
-    ceiling_cd_m2: float | None = None,
+    mixture: Mixture, measured: Measurement, level: GlareLevel, asked: GlareLevel, ceiling_cd_m2: float | None = None
 ) -> Change:
-    """The most that the veil alone differs from the level asked for, in cd/m²."""
-    range_ = measured.range_cd_m2
-    if asked is GlareLevel.VEIL:
-        return np.zeros_like(range_.low)
-    low, high = range_.low[:3], range_.high[:3]
-    if ceiling_cd_m2 is not None or asked is GlareLevel.SOURCES:
-        above = max(ceiling_cd_m2 or 0.0, SOURCE_RATIO * measured.mean_cd_m2 if asked is GlareLevel.SOURCES else 0.0)
-        low, high = np.zeros_like(low), np.where(range_.high[3] > above, high, 0)
-    return _of_light(low, high, kernel, measured, gaze_px, asked)
-
-
-def _of_light(
-    low: NDArray[np.float64],
-    high: NDArray[np.float64],
-    kernel: Mixture,
-    measured: Measurement,
-    gaze_px: tuple[float, float],
-    asked: GlareLevel,
-) -> Change:
-    """The most that the kernels of light in this range change of each tile."""
-    tile_px = measured.range_cd_m2.tile_px
-    change, ring_low, ring_high, reach = np.zeros((4, *low.shape[1:])), low.copy(), high, 0
-    # A tile that the frame's edge cuts is dark beyond it.
-    if measured.view.height_px % tile_px:
-        ring_low[:, -1] = 0
-    if measured.view.width_px % tile_px:
-        ring_low[:, :, -1] = 0
-    for tiles, scattered in _rings(kernel, tile_px):
-        grown = (1, *(2 * (tiles - reach) + 1,) * 2)
-        ring_low = scipy.ndimage.minimum_filter(ring_low, grown, mode="constant")
-        ring_high = scipy.ndimage.maximum_filter(ring_high, grown, mode="constant")
-        reach = tiles
-        change += np.einsum("oi,iyx->oyx", scattered, np.maximum(ring_high - low, high - ring_low))
-    if asked is GlareLevel.WINDOW:
-        change = _in_window(change, high, kernel, measured.view, gaze_px, tile_px)
-    if asked in (GlareLevel.WINDOW, GlareLevel.FRAME):
-        change += ROUNDED * min(float(measured.range_cd_m2.high.max()), float32_limit_cd_m2(measured))
-    return change
+    """The most that a level differs from the one asked for, in cd/m²."""
+    total: Change = np.zeros_like(measured.range_cd_m2.low)
+    if level is not asked:
+        for each in (level, asked):
+            off = OFF_NEAR[each], OFF_FAR[each], far_deg(plane_for(measured.view, each))[1]
+            total = total + _change(mixture, measured, ceiling_cd_m2, off)
+    return total
 
 
 def after(measured: Measurement, change: Change, stays: float) -> Range:
@@ -92,102 +65,117 @@ def after(measured: Measurement, change: Change, stays: float) -> Range:
     return wide
 
 
-def propagate(change: Change, kernel: Mixture) -> Change:
+def propagate(change: Change, mixture: Mixture) -> Change:
     """The most that glare makes of a change before it: all of it, from wherever it is largest."""
-    gain = np.sum([weight * component.gain for component, weight in kernel], axis=0)
+    gain = np.sum([weight * part.kept("gain", functools.partial(_gain, part)) for part, weight in mixture], axis=0)
     return np.broadcast_to((gain @ change[:3].max(axis=(1, 2)))[:, None, None], change.shape)
 
 
-def veil(kernel: Mixture, measured: Measurement, ceiling_cd_m2: float | None = None) -> Change:
-    """The most that the veil changes, in cd/m².
+def least_stays(mixture: Mixture, view: View) -> float:
+    """Least share of a point's luminance that stays in its pixel, whatever else is scattered to it."""
+    deg = math.degrees(NEXT_PX / view.focal_px) / (1 + _farthest_px(view) ** 2 / view.focal_px**2)
+    left = sum(
+        weight * np.array([[np.interp(deg, ANGLES_DEG, one) for one in of] for of in _beyond(part, ALL)[3:]])
+        for part, weight in mixture
+    )
+    return max(float((1 - left / np.array(LUMINANCE_WEIGHTS)).min()), 0.0)
 
-    Each pixel gives its veil's share away and gets what lies between the darkest and the brightest frame's.
-    """
-    low, high = measured.range_cd_m2.low, measured.range_cd_m2.high
+
+def _change(mixture: Mixture, measured: Measurement, ceiling_cd_m2: float | None, off: Off) -> Change:
+    range_ = measured.range_cd_m2
+    low, high = range_.low[:3], range_.high[:3]
     if ceiling_cd_m2 is not None:
-        low, high = np.zeros_like(low), np.where(high[3] > ceiling_cd_m2, high, 0)
-    brightest, darkest = high.max(axis=(1, 2), keepdims=True), low.min(axis=(1, 2), keepdims=True)
-    change = np.zeros_like(low)
-    for function, share in amounts(kernel).items():
-        least, most = _within(measured.view, function, *low.shape[1:], measured.range_cd_m2.tile_px)
-        gains = np.minimum(most * (1 + VEIL_MARGIN), 1) * brightest - low
-        loses = high - least * (1 - VEIL_MARGIN) * darkest
-        change += share * (np.maximum(gains, loses).clip(0) + VEIL_SWING * brightest)
+        low, high = np.zeros_like(low), np.where(range_.high[3] > ceiling_cd_m2, high, 0)
+    of_parts = [
+        weight * part.kept(("rings", measured.view, range_.tile_px, off), functools.partial(_rings, part, measured, off))
+        for part, weight in mixture
+    ]
+    beyond = of_parts[0] if len(of_parts) == 1 else np.sum(of_parts, axis=0)
+    ring_low, ring_high = low.copy(), high
+    # A tile that the frame's edge cuts is dark beyond it.
+    if measured.view.height_px % range_.tile_px:
+        ring_low[:, -1] = 0
+    if measured.view.width_px % range_.tile_px:
+        ring_low[:, :, -1] = 0
+    change, before = np.zeros_like(range_.low), np.zeros_like(low)
+    for k, of_ring in enumerate(beyond):
+        ring_low, ring_high = _grown(ring_low, np.minimum, 2 ** max(k - 1, 0)), _grown(ring_high, np.maximum, 2 ** max(k - 1, 0))
+        apart = np.maximum(ring_high - low, high - ring_low)
+        change += np.einsum("oiyx,iyx->oyx", of_ring, apart - before)
+        before = apart
     return change
 
 
-@functools.lru_cache(maxsize=16)
-def _within(
-    view: View, veil: Veil, rows: int, columns: int, tile_px: int
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Least and largest share of a veil's light that comes from within the frame, at the corners of each tile."""
-
-    def directions(at: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        v, u = np.meshgrid(at * view.height_px / view.focal_px, at * view.width_px / view.focal_px, indexing="ij")
-        away = np.sqrt(1 + u * u + v * v).reshape(-1, 1)
-        return np.stack([u, v, np.ones_like(u)], -1).reshape(-1, 3) / away, away[:, 0] ** -3
-
-    at = np.linspace(-0.5, 0.5, FIELD // 4)
-    places, _ = directions(at)
-    parts, solid_angles = directions((np.arange(FIELD) + 0.5) / FIELD - 0.5)
-    deg = np.degrees(np.arccos(np.clip(places @ parts.T, -1, 1)))
-    weights = solid_angles * (view.width_px / view.focal_px) * (view.height_px / view.focal_px) / FIELD**2
-    density = np.where(deg <= radial.EDGE_DEG, veil.density(deg), 0)
-    seen = (density @ weights / radial.hemisphere_volume(veil.density)).reshape(len(at), len(at))
-    down, right = (
-        np.stack(
-            [np.interp(np.minimum(np.arange(count + 1) * tile_px / size, 1) - 0.5, at, one) for one in np.eye(len(at))],
-            1,
+def _grown(values: NDArray[np.float64], fold: Callable[..., NDArray[np.float64]], tiles: int) -> NDArray[np.float64]:
+    """The fold of all that lies within so many tiles more; beyond the frame it is dark."""
+    for axis in (1, 2):
+        size = values.shape[axis]
+        edged = np.pad(values, [(tiles, tiles) if k == axis else (0, 0) for k in range(3)])
+        values = functools.reduce(
+            fold, [np.take(edged, np.arange(start, start + size), axis) for start in (0, tiles, 2 * tiles)]
         )
+    return values
+
+
+def _rings(part: Part, measured: Measurement, off: Off) -> NDArray[np.float64]:
+    """Of each ring, at each tile: what is scattered beyond where it begins, (ring, 4, 3, row, column)."""
+    view, tile_px = measured.view, measured.range_cd_m2.tile_px
+    rows, columns = measured.range_cd_m2.low.shape[1:]
+    away = [
+        np.maximum(np.abs(np.arange(count) * tile_px - size / 2), np.abs(np.arange(1, count + 1) * tile_px - size / 2))
         for count, size in ((rows, view.height_px), (columns, view.width_px))
+    ]
+    radius = np.hypot(away[0][:, None], away[1]) / view.focal_px
+    tiles = [2**k for k in range(math.ceil(math.log2(max(rows, columns, 2))) + 1)]
+    beyond = _beyond(part, off)
+    result = []
+    for edge_px in (NEXT_PX, *(count * tile_px for count in tiles[:-1])):
+        # So many pixels are least in angle if they lead away from the axis.
+        deg = np.degrees(np.arctan(radius + edge_px / view.focal_px) - np.arctan(radius))
+        result.append([[np.interp(deg, ANGLES_DEG, one) for one in of] for of in beyond])
+    return np.array(result)
+
+
+def _beyond(part: Part, off: Off) -> NDArray[np.float64]:
+    """What is scattered beyond each of ANGLES_DEG, as far off as said: (4, 3, angle), to R, G, B and Y from each channel."""
+    deg, light = part.kept("strewn", functools.partial(_strewn, part))
+    counted = light * np.where(deg < off[2], off[0], off[1])
+    order = np.searchsorted(ANGLES_DEG, deg)
+    of_angle = np.stack(
+        [[np.bincount(order, one, len(ANGLES_DEG) + 1) for one in of] for of in counted]
     )
-    corners = down @ seen @ right.T
-    of_tile = [corners[y : y + rows, x : x + columns] for y in (0, 1) for x in (0, 1)]
-    return np.min(of_tile, axis=0), np.max(of_tile, axis=0)
+    return np.asarray(of_angle[..., ::-1].cumsum(axis=-1)[..., ::-1][..., :-1])
 
 
-def _in_window(
-    change: Change,
-    high: NDArray[np.float64],
-    kernel: Mixture,
-    view: View,
-    gaze_px: tuple[float, float],
-    tile_px: int,
-) -> Change:
-    """The same where light is weighed by a window's falloff w: w(q)·L(q) − w(p)·L(p), of a pixel p and those around it,
-    is w(q)·(L(q) − L(p)), and L(p)·(w(q) − w(p)), which is no more than the falloff's slope times their distance.
-    """
-    reach_px = _reach_px(view, kernel)
-    kernel_px = math.sqrt(2) * (kernel[0][0].scatters.shape[2] // 2)
-    nearest, farthest = _away(view, gaze_px, tile_px, change.shape[1:])
-    near, far = np.maximum(nearest - kernel_px, 0) / reach_px, (farthest + kernel_px) / reach_px
-    # The falloff is steepest halfway, at three quarters of the reach.
-    at = np.clip(0.75, near, far)
-    slope = np.where((at > 0.5) & (at < 1), STEEPEST * 16 * (at - 0.5) * (1 - at), 0) / reach_px
-    moment_px = np.sum([weight * component.moment_px for component, weight in kernel], axis=0)
-    return np.asarray(falloff(near) * change + slope * np.einsum("oi,iyx->oyx", moment_px, high))
+def _strewn(part: Part) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Angles, and how much light goes that far: (n,) and (4, 3, n), all counted as positive."""
+    angles, lights, begins = [], [], 0.0
+    for per_deg, count in SAMPLED:
+        cells = part.cells(per_deg, count, 1.0)
+        offset = np.arange(-count, count + 1) / per_deg
+        middle, corner = (np.hypot(away[:, None], away) for away in (np.abs(offset), np.abs(offset) + 0.5 / per_deg))
+        mine = (middle >= begins) & (middle < count / per_deg)
+        if len(cells) == 1:
+            cells = np.eye(3)[:, :, None, None] * cells
+        both = np.concatenate([cells, np.einsum("o,oijk->ijk", np.array(LUMINANCE_WEIGHTS), cells)[None]])
+        angles.append(corner[mine])
+        lights.append(np.abs(both[:, :, mine]))
+        begins = count / per_deg
+    if part.veil is not None:
+        edges = ANGLES_DEG[ANGLES_DEG > 1]
+        middles = (edges[1:] + edges[:-1]) / 2
+        steradians = 2 * math.pi * np.sin(np.radians(middles)) * np.radians(np.diff(edges))
+        angles.append(edges[1:])
+        weights = np.concatenate([np.eye(3), [LUMINANCE_WEIGHTS]])
+        lights.append(weights[:, :, None] * part.veil.density(middles, 1.0) * steradians)
+    return np.concatenate(angles), np.concatenate(lights, axis=2)
 
 
-def _reach_px(view: View, kernel: Mixture) -> float:
-    return window_of(view, kernel[0][0].scatters.shape[2] // 2).reach_px
+def _gain(part: Part) -> NDArray[np.float64]:
+    """(4, 3): what arrives at most in red, green, blue and luminance of a unit of each channel all over."""
+    _, light = part.kept("strewn", functools.partial(_strewn, part))
+    return np.asarray(light.sum(axis=2))
 
 
-def _away(
-    view: View, gaze_px: tuple[float, float], tile_px: int, shape: tuple[int, ...]
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """How far from the gaze the nearest and the farthest pixel of each tile are at least and at most."""
-    nearest, farthest = [], []
-    for count, gaze, size in zip(shape, gaze_px[::-1], (view.height_px, view.width_px), strict=True):
-        begin, end = np.arange(count) * tile_px - gaze, np.minimum(np.arange(1, count + 1) * tile_px, size) - gaze
-        nearest.append(np.maximum(np.maximum(begin, -end), 0))
-        farthest.append(np.maximum(np.abs(begin), np.abs(end)))
-    return np.hypot(nearest[0][:, None], nearest[1]), np.hypot(farthest[0][:, None], farthest[1])
-
-
-def _rings(kernel: Mixture, tile_px: int) -> list[tuple[int, NDArray[np.float64]]]:
-    """Of each ring: how many tiles it reaches, and what is scattered into it, (4, 3): to red, green, blue and Y."""
-    radius_px = kernel[0][0].scatters.shape[2] // 2
-    reaches = [2**k for k in range(max(1, math.ceil(math.log2(max(radius_px / tile_px, 1))) + 1))]
-    edges = tuple(tiles * tile_px for tiles in reaches)
-    masses = np.sum([weight * component.rings(edges) for component, weight in kernel], axis=0)
-    return [(tiles, masses[k]) for k, tiles in enumerate(reaches)]
+def _farthest_px(view: View) -> float:
+    return math.hypot(view.width_px, view.height_px) / 2

@@ -1,11 +1,8 @@
-"""Lights that the pixels do not show, drawn with their glare, exact to parts of a pixel.
+"""Lights of their own, with spectra: apart from the frame's pixels, exact to parts of a pixel, inside the view or not.
 
-A light is a point or a disc with a spectrum of its own. What its kernel puts into each pixel is known for lights in the
-middle of each of SUBPIXELS² parts of a pixel, and interpolated in between: so a light that moves by a tenth of a pixel,
-or from one pixel into the next, changes smoothly and its light stays the same. Discs are the kernel convolved with
-discs of 1 … LARGEST_LAYER pixels, interpolated in between (KRI 4.2.6).
-
-It is instant: a frame depends on no other.
+Their function is always that of wave optics, whatever the frame's own light uses: a formula knows no spectrum. Far
+light of all lights of one spectrum goes to the plane at once, near light is laid down light by light; so a light that
+moves by a tenth of a pixel changes smoothly. A light outside the view scatters into it at its true angle.
 """
 
 from __future__ import annotations
@@ -14,207 +11,348 @@ import dataclasses
 import functools
 import math
 from collections import defaultdict
-from collections.abc import Callable, Sequence
-from typing import Literal
+from collections.abc import Sequence
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 from numpy.typing import NDArray
 
-from entoptic.described import DescribedEnum
-from entoptic.pipeline.effects.glare import splat
+from entoptic.pipeline.effects.glare import models
+from entoptic.pipeline.effects.glare.kernel import FALLS, Mixture, Part, far_deg, prepared, smooth_step
+from entoptic.pipeline.effects.glare.plane import Plane, b_spline
+from entoptic.pipeline.effects.glare.spread import blended, mixed, scattered_on_plane
+from entoptic.pipeline.effects.glare.stamps import AT_ONCE, REACHES_PX, added, fine_deg_of, reach_px, windows
 from entoptic.pipeline.frame import Light, View
+from entoptic.pipeline.observer import Observer
+from entoptic.pipeline.optics import light_spectra, radial, whole
+from entoptic.pipeline.optics.aperture import Pose
 
-SUBPIXELS = 5
-"""Parts of a pixel along each side. Odd, so that a light in the middle of a pixel is what that pixel would be."""
-LARGEST_LAYER = 8
-"""Radius of the largest disc that is prepared, in pixels (KRI shows 4). Engineering choice: larger ones have no
-sub-pixel detail that is seen, and each of these takes 10 MB at 10 pixels per degree."""
-
-
-SUMMED_PX = 64
-"""Discs up to this radius have their pixels summed; of larger ones the sum is the area within 1e-5."""
-
-
-class Falloff(DescribedEnum):
-    """What light scattered to a distance weighs; what it takes stays in the centre, so that no light is lost.
-
-    `x` is the distance over the kernel's radius. KRI has these for kernels that are cut short (4.2.5, equations 4.11
-    and 4.12); here they are 1 in the centre.
-    """
-
-    NONE = "none", "All of it counts, up to the edge."
-    EPANECHNIKOV = "epanechnikov", "1 − x²."
-    SILVERMAN = "silverman", "(1 − x²)²."
-
-    def weight(self, x_squared: NDArray[np.float64]) -> NDArray[np.float64]:
-        """At the squared distance, 0 from 1 on."""
-        power = {Falloff.NONE: 0, Falloff.EPANECHNIKOV: 1, Falloff.SILVERMAN: 2}[self]
-        return np.maximum(1 - x_squared, 0) ** power
+DISC_PX = 2.0
+"""Radius up to which a disc is so many points; larger ones are drawn with the frame's pixels. Engineering choice: of a
+smaller one no glare shows more than its size."""
+SPOTS = ((0.0, 0.0), *((math.sqrt(2 / 3) * math.cos(k * math.pi / 3), math.sqrt(2 / 3) * math.sin(k * math.pi / 3)) for k in range(6)))
+"""Points of a disc of radius 1: with them its light spreads as far, in the root mean square, as the disc's."""
+STRIDE = 8
+"""Of a light far outside the view, the glare is computed at every so many cells. Engineering choice: it is smooth there."""
+CLOSE_STRIDES = 4
+"""Strides from the view up to which a light is not far outside it."""
+ANGLES = 400
+"""Of the table that gives glare of lights outside the plane, even in the angle's logarithm."""
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
-class PointKernel:
-    """What becomes of a point's light, in squares of 1/SUBPIXELS of a pixel."""
+class Points:
+    """All points of one spectrum."""
 
-    rgb: Float[np.ndarray, "3 k k"]
-    """Light in each square, k odd. Its luminance adds up to 1, less what the veil takes."""
-
-
-LightMixture = tuple[tuple[PointKernel, float], ...]
-"""The kernel of a spectrum: prepared kernels and their weights, which add up to 1."""
+    mixture: Mixture
+    towards: NDArray[np.float64]
+    """Unit vectors (n, 3): right, down, ahead."""
+    lux: NDArray[np.float64]
 
 
-@dataclasses.dataclass(frozen=True)
-class Place:
-    """Where a light falls on the image plane and how bright it is there."""
-
-    x_px: float
-    y_px: float
-    radius_px: float
-    cd_m2: float
-    """Luminance if all its light were in one pixel: its illuminance over the solid angle of the pixel there."""
-
-
-def place(light: Light, view: View) -> Place | None:
-    """A light's place, which may lie outside the frame; None behind the image plane."""
-    forward = math.cos(math.radians(light.azimuth_deg)) * math.cos(math.radians(light.elevation_deg))
-    if forward <= 1e-3:
-        return None
-    # A pixel's solid angle falls with the cube of the cosine; so do a disc's pixels become more.
-    steradians = forward**3 / view.focal_px**2
-    radius_px = math.radians(light.radius_deg) / math.sqrt(steradians)
-    return Place(*view.pixel_of(light.azimuth_deg, light.elevation_deg), radius_px, light.illuminance_lx / steradians)
-
-
-def draw_lights(
-    onto: Float[Array, "3 y x"],
-    lights: Sequence[Light],
-    view: View,
-    kernel_of_spectrum: Callable[[str], LightMixture],
-    falloff: Falloff = Falloff.NONE,
-) -> Float[Array, "3 y x"]:
-    """A frame in cd/m² with lights added, each with the glare of its kernel, but for the veil.
-
-    A disc of more than LARGEST_LAYER pixels is convolved on its own: exact, but it takes a second where it covers a
-    frame.
-    """
-    splats: dict[tuple[PointKernel, int], list[tuple[Place, float]]] = defaultdict(list)
-    large: list[tuple[PointKernel, Place, float]] = []
+def placed(lights: Sequence[Light], view: View, observer: Observer, pose: Pose, ceiling_cd_m2: float | None = None) -> list[Points]:
+    """Lights that are not drawn with the pixels, by their spectra. Of those above a ceiling, only what lies above it."""
+    by_spectrum: dict[str, list[tuple[NDArray[np.float64], float]]] = defaultdict(list)
     for light in lights:
-        at = place(light, view)
-        if at is None:
+        if light.illuminance_lx > 0 and not _is_large(light, view):
+            ahead = towards(light)
+            lux = light.illuminance_lx
+            if ceiling_cd_m2 is not None:
+                lux *= _share_above(light, view, ceiling_cd_m2)
+            spots = SPOTS if light.radius_deg > 0 else SPOTS[:1]
+            for spot in spots:
+                by_spectrum[light.spectrum].append((_beside(ahead, spot, light.radius_deg), lux / len(spots)))
+    return [
+        Points(
+            models.wave_mixture(observer, pose, view.ppd_centre, spectrum),
+            np.array([direction for direction, _ in points]),
+            np.array([lux for _, lux in points]),
+        )
+        for spectrum, points in by_spectrum.items()
+    ]
+
+
+def towards(light: Light) -> NDArray[np.float64]:
+    """Unit vector of a light's direction: right, down, ahead."""
+    azimuth, elevation = math.radians(light.azimuth_deg), math.radians(light.elevation_deg)
+    return np.array(
+        [math.sin(azimuth) * math.cos(elevation), -math.sin(elevation), math.cos(azimuth) * math.cos(elevation)]
+    )
+
+
+def _beside(ahead: NDArray[np.float64], spot: tuple[float, float], radius_deg: float) -> NDArray[np.float64]:
+    if spot == (0.0, 0.0) or not radius_deg:
+        return ahead
+    across = np.cross(ahead, [0.0, 1.0, 0.0] if abs(ahead[1]) < 0.9 else [1.0, 0.0, 0.0])
+    across /= np.linalg.norm(across)
+    moved = ahead + math.tan(math.radians(radius_deg)) * (spot[0] * across + spot[1] * np.cross(ahead, across))
+    return np.asarray(moved / np.linalg.norm(moved))
+
+
+def _pixel_steradians(ahead: NDArray[np.float64], view: View) -> float:
+    return max(float(ahead[2]), 1e-3) ** 3 / view.focal_px**2
+
+
+def _is_large(light: Light, view: View) -> bool:
+    ahead = towards(light)
+    return bool(ahead[2] > 1e-3 and math.radians(light.radius_deg) > DISC_PX * math.sqrt(_pixel_steradians(ahead, view)))
+
+
+def _share_above(light: Light, view: View, ceiling_cd_m2: float) -> float:
+    """Of a light's own, as bright as a pixel with all of it would be."""
+    return 1 - ceiling_cd_m2 / max(light.illuminance_lx / _pixel_steradians(towards(light), view), ceiling_cd_m2)
+
+
+def drawn(rgb: Float[Array, "3 y x"], lights: Sequence[Light], view: View) -> Float[Array, "3 y x"]:
+    """A frame with the larger discs among lights of their own drawn into its pixels."""
+    for light in lights:
+        if light.illuminance_lx > 0 and _is_large(light, view):
+            rgb = _with_disc(rgb, light, view)
+    return rgb
+
+
+def _with_disc(rgb: Float[Array, "3 y x"], light: Light, view: View) -> Float[Array, "3 y x"]:
+    ahead = towards(light)
+    side = math.sqrt(_pixel_steradians(ahead, view))
+    reach = math.tan(min(math.radians(light.radius_deg) + 2 * side, 1.5)) / max(ahead[2], 0.05) ** 2 * view.focal_px
+    centre = ahead[:2] / ahead[2] * view.focal_px + np.array([view.width_px, view.height_px]) / 2
+    left, top = (max(math.floor(at - reach), 0) for at in centre)
+    right, bottom = (
+        min(math.ceil(at + reach) + 1, size) for at, size in zip(centre, (view.width_px, view.height_px), strict=True)
+    )
+    if left >= right or top >= bottom:
+        return rgb
+    u = (np.arange(left, right) + 0.5 - view.width_px / 2) / view.focal_px
+    v = (np.arange(top, bottom) + 0.5 - view.height_px / 2)[:, None] / view.focal_px
+    secant = np.sqrt(1 + u * u + v * v)
+    angle = np.arccos(np.clip((ahead[0] * u + ahead[1] * v + ahead[2]) / secant, -1, 1))
+    covered = np.clip((math.radians(light.radius_deg) - angle) / secant**-1.5 * view.focal_px + 0.5, 0, 1)
+    cd_m2 = light.illuminance_lx / (2 * math.pi * (1 - math.cos(math.radians(light.radius_deg))))
+    disc = colour_of(light.spectrum)[:, None, None] * covered * cd_m2
+    return rgb.at[:, top:bottom, left:right].add(jnp.asarray(disc, jnp.float32))
+
+
+@functools.lru_cache(maxsize=64)
+def colour_of(spectrum: str) -> NDArray[np.float64]:
+    """Linear RGB of a spectrum, of luminance 1."""
+    return light_spectra.light_weights(spectrum)[1].sum(axis=0)
+
+
+def on_plane(groups: Sequence[Points], plane: Plane) -> Float[Array, "3 v u"] | None:
+    """Far light of the points on the plane, as spread.arrives takes it."""
+    total = None
+    for points in groups:
+        inside = _on_plane(points, plane)
+        if not inside.any():
             continue
-        for kernel, weight in kernel_of_spectrum(light.spectrum):
-            if at.radius_px > LARGEST_LAYER:
-                large.append((kernel, at, at.cd_m2 * weight))
-            else:
-                for layer, share in _layers(at.radius_px):
-                    splats[kernel, layer].append((at, at.cd_m2 * weight * share))
-    image = jnp.array(onto, copy=True)
-    for (kernel, layer), parts in splats.items():
-        image = _splatted(image, parts, phases(kernel, layer, falloff))
-    for kernel, at, cd_m2 in large:
-        image = image + cd_m2 * _large_disc(at, kernel, falloff, image.shape[1:])
-    return image
+        ahead = points.towards[inside]
+        row, column, _ = plane.places(ahead[:, 1] / ahead[:, 2], ahead[:, 0] / ahead[:, 2])
+        (first_y, weights_y), (first_x, weights_x) = b_spline(row), b_spline(column)
+        image = np.zeros((1, plane.height, plane.width), np.float32)
+        for down in range(3):
+            for right in range(3):
+                np.add.at(image[0], (first_y + down, first_x + right), weights_y[down] * weights_x[right] * points.lux[inside])
+        made = prepared(points.mixture, plane)
+        weights = np.array([weight for _, weight in made], np.float32)
+        part = _scattered(image, [(each.high, each.turning) for each, _ in made], weights, *_plane_arrays(plane))
+        total = part if total is None else total + part
+    return total
 
 
-def _layers(radius_px: float) -> list[tuple[int, float]]:
-    """The prepared discs on either side of a radius and their shares.
-
-    KRI interpolates in the radius; in its square instead, the light far from the disc is right to second order.
-    """
-    low = min(int(radius_px), LARGEST_LAYER - 1)
-    share = (radius_px**2 - low**2) / ((low + 1) ** 2 - low**2)
-    return [(layer, weight) for layer, weight in ((low, 1 - share), (low + 1, share)) if weight > 0]
+def _on_plane(points: Points, plane: Plane) -> NDArray[np.bool_]:
+    ahead = points.towards[:, 2]
+    safe = np.where(ahead > 0.01, ahead, 1)
+    row, column, _ = plane.places(points.towards[:, 1] / safe, points.towards[:, 0] / safe)
+    return (ahead > 0.01) & (row >= 1) & (row < plane.height - 2) & (column >= 1) & (column < plane.width - 2)
 
 
-def _splatted(
-    image: Float[Array, "3 y x"], parts: Sequence[tuple[Place, float]], kernels: Float[Array, "s 3 1 j k"]
-) -> Float[Array, "3 y x"]:
-    """Lights between the four sub-pixels whose middles lie around each of them."""
-    radius = kernels.shape[3] // 2
-    # A light further out reaches nothing, however far that is.
-    limit = np.array(image.shape[1:]) + radius
-    position = np.array([[at.y_px, at.x_px] for at, _ in parts])
-    reaches = ((position > -radius - 1) & (position < limit + 1)).all(axis=1)
-    part, share = np.divmod(position[reaches] * SUBPIXELS - 0.5, 1)
-    cd_m2 = np.array([value for _, value in parts])[reaches]
-    for down, right in np.ndindex(2, 2):
-        pixel, phase = np.divmod(part.astype(np.int64) + np.array([down, right]), SUBPIXELS)
-        weight = np.abs(1 - down - share[:, 0]) * np.abs(1 - right - share[:, 1])
-        inside = ((pixel >= -radius) & (pixel < limit)).all(axis=1)
-        which = phase[:, 0] * SUBPIXELS + phase[:, 1]
-        value = (cd_m2 * weight).astype(np.float32)[:, None]
-        image = splat.splat(image, pixel[inside], which[inside], value[inside], kernels)
-    return image
+@functools.lru_cache(maxsize=8)
+def _plane_arrays(plane: Plane) -> tuple[Float[Array, "v u"], tuple[int, int, int, int]]:
+    return jnp.asarray(plane.cosines, jnp.float32), (plane.height, plane.width, plane.fft_height, plane.fft_width)
 
 
-@functools.lru_cache(maxsize=16)
-def phases(kernel: PointKernel, layer: int, falloff: Falloff) -> Float[Array, "s 3 1 j k"]:
-    """What a light in the middle of each sub-pixel puts into the pixels around: a disc of `layer` pixels or a point."""
-    fine = _weighed(kernel, falloff).astype(np.float64)
-    if layer:
-        fine = _convolved(fine, disc(layer * SUBPIXELS, 0.0, 0.0)[None])
-    side = fine.shape[1]
-    radius = -(-(side // 2) // SUBPIXELS)
-    summed = np.pad(fine, ((0, 0), (1, 0), (1, 0))).cumsum(axis=1).cumsum(axis=2)
-    result = np.empty((SUBPIXELS, SUBPIXELS, 3, 1, 2 * radius + 1, 2 * radius + 1), np.float32)
-    edges = (np.arange(2 * radius + 2) - radius) * SUBPIXELS + side // 2
-    for down, right in np.ndindex(SUBPIXELS, SUBPIXELS):
-        rows, columns = np.clip(edges - down, 0, side), np.clip(edges - right, 0, side)
-        result[down, right, :, 0] = np.diff(np.diff(summed[:, rows[:, None], columns], axis=1), axis=2)
-    return jnp.asarray(result.reshape(-1, *result.shape[2:]))
+@functools.partial(jax.jit, static_argnames="size")
+def _scattered(
+    image: Float[Array, "1 v u"],
+    spectra: Sequence[tuple[Array, Array]],
+    weights: Float[Array, "part"],
+    cosines: Float[Array, "v u"],
+    size: tuple[int, int, int, int],
+) -> Float[Array, "3 v u"]:
+    high, turning = (blended([part[k] for part in spectra], weights) for k in range(2))
+    return scattered_on_plane(image * cosines ** np.float32(-FALLS), cosines, high, turning, size)
 
 
-def _weighed(kernel: PointKernel, falloff: Falloff) -> Float[np.ndarray, "3 k k"]:
-    middle = kernel.rgb.shape[1] // 2
-    offset_squared = ((np.arange(2 * middle + 1) - middle) / (middle + 1)) ** 2
-    if falloff is Falloff.NONE:
-        return kernel.rgb
-    weighed = kernel.rgb * falloff.weight(offset_squared[:, None] + offset_squared)
-    weighed[:, middle, middle] += (kernel.rgb - weighed).sum(axis=(1, 2))
-    return weighed
+def from_outside(groups: Sequence[Points], plane: Plane) -> Float[np.ndarray, "3 row column"] | None:
+    """Far light that lights outside the plane bring to each of a frame's cells, cd/m²."""
+    total = None
+    rows, columns = (-(-size // plane.pool) for size in (plane.view.height_px, plane.view.width_px))
+    for points in groups:
+        outside = ~_on_plane(points, plane)
+        if not outside.any():
+            continue
+        deg, density = _far_table(points.mixture, plane)
+        total = np.zeros((3, rows, columns)) if total is None else total
+        ahead, lux = points.towards[outside], points.lux[outside]
+        at = _cells(plane, 1)
+        nearest = np.degrees(np.arccos(np.clip((ahead @ at[:, :: max(at.shape[1] // 4000, 1)]).max(axis=1), -1, 1)))
+        close = nearest < CLOSE_STRIDES * STRIDE * plane.step_deg
+        for some, stride in ((close, 1), (~close, STRIDE)):
+            if some.any():
+                total += _direct(ahead[some], lux[some], plane, stride, deg, density, (rows, columns))
+    return total
 
 
-def disc(radius: float, down: float, right: float) -> Float[np.ndarray, "j k"]:
-    """Shares of a disc's light in squares of side 1 around a middle one; its centre lies `down` and `right` of that.
-
-    Squares on the edge get their part by its distance from them, within 2 % of a square of the exact area.
-    """
-    reach = math.ceil(radius) + 1
-    offset = np.arange(-reach, reach + 1)
-    away = np.hypot((offset - down)[:, None], offset - right)
-    covered = np.clip(radius + 0.5 - away, 0, 1)
-    return covered / covered.sum()
-
-
-def _volume(at: Place) -> float:
-    """Of a disc with a ramp of one pixel for an edge, summed over the pixels it covers."""
-    if at.radius_px > SUMMED_PX:
-        return math.pi * (at.radius_px**2 + 1 / 12)
-    offset = np.arange(-SUMMED_PX - 2, SUMMED_PX + 3) + 0.5
-    away = np.hypot((offset - at.y_px % 1)[:, None], offset - at.x_px % 1)
-    return float(np.clip(at.radius_px + 0.5 - away, 0, 1).sum())
-
-
-def _large_disc(at: Place, kernel: PointKernel, falloff: Falloff, size: tuple[int, ...]) -> Float[np.ndarray, "3 y x"]:
-    """What a large disc of luminance 1 puts into a frame, float32: no more of it is made than reaches the frame."""
-    middle = np.asarray(phases(kernel, 0, falloff)[SUBPIXELS**2 // 2, :, 0], np.float64)
-    reach = middle.shape[1] // 2
-    y, x = (np.arange(-reach, side + reach) + 0.5 for side in size)
-    covered = np.clip(at.radius_px + 0.5 - np.hypot((y - at.y_px)[:, None], x - at.x_px), 0, 1)
-    if not covered.any():
-        return np.zeros((3, *size), np.float32)
-    covered /= _volume(at)
-    return _convolved(covered[None], middle, "valid").astype(np.float32)
-
-
-def _convolved(
-    one: NDArray[np.float64], two: NDArray[np.float64], mode: Literal["full", "valid"] = "full"
+def _direct(
+    ahead: NDArray[np.float64], lux: NDArray[np.float64], plane: Plane, stride: int,
+    deg: NDArray[np.float64], density: NDArray[np.float64], size: tuple[int, int],
 ) -> NDArray[np.float64]:
-    # Imported here, since it takes a second and most frames have no discs.
-    from scipy.signal import fftconvolve
+    at = _cells(plane, stride)
+    low = np.zeros((3, at.shape[1]))
+    for direction, amount in zip(ahead, lux, strict=True):
+        angle = np.degrees(np.arccos(np.clip(direction @ at, -1, 1)))
+        low += amount * np.stack([np.interp(angle, deg, of, right=0.0) for of in density])
+    if stride == 1:
+        return low.reshape(3, *size)
+    places = [_strided(count, stride) for count in size]
+    low = low.reshape(3, len(places[0]), len(places[1]))
+    rows, columns = (
+        np.stack([np.interp(np.arange(count), place, unit) for unit in np.eye(len(place))], axis=1)
+        for count, place in zip(size, places, strict=True)
+    )
+    return np.asarray(rows @ low @ columns.T)
 
-    return np.asarray(fftconvolve(one, two, mode=mode, axes=(1, 2)))
+
+def _strided(count: int, stride: int) -> NDArray[np.float64]:
+    return np.linspace(0, count - 1, -(-count // stride) + 1) if count > 1 else np.zeros(1)
+
+
+@functools.lru_cache(maxsize=8)
+def _cells(plane: Plane, stride: int) -> NDArray[np.float64]:
+    """Unit vectors (3, n) of the frame's cells, every so many."""
+    view = plane.view
+    v, u = (
+        ((_strided(-(-size // plane.pool), stride) if stride > 1 else np.arange(-(-size // plane.pool))) + 0.5) * plane.pool - size / 2
+        for size in (view.height_px, view.width_px)
+    )
+    down, right = np.meshgrid(v / view.focal_px, u / view.focal_px, indexing="ij")
+    both = np.stack([right, down, np.ones_like(down)])
+    return np.asarray((both / np.linalg.norm(both, axis=0)).reshape(3, -1))
+
+
+def _far_table(mixture: Mixture, plane: Plane) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Density of far light at angles: (n,) and (3, n), alike in all directions."""
+    tables = [(part.kept(("table", plane), functools.partial(_table_of, part, plane)), weight) for part, weight in mixture]
+    return tables[0][0][0], np.asarray(sum(weight * table[1] for table, weight in tables))
+
+
+def _table_of(part: Part, plane: Plane) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    low, high = far_deg(plane)
+    wider = max(1.0, high / whole.VEIL_DEG[0])
+    deg = np.concatenate([[0.0], np.geomspace(low, radial.EDGE_DEG, ANGLES)])
+    side = plane.step_deg
+    reach = whole.kernel_radius_px(1 / side, wider)
+    offset = np.arange(-reach, reach + 1) * side
+    away = np.hypot(offset[:, None], offset)
+    cells = part.cells(1 / side, reach, wider)[:, 0] / np.radians(side) ** 2
+    ring = np.rint(away / side * 2).astype(int).ravel()
+    count = np.bincount(ring)
+    filled = count > 0
+    at = np.bincount(ring, away.ravel())[filled] / count[filled]
+    means = [np.interp(deg, at, np.bincount(ring, of.ravel())[filled] / count[filled], right=0.0) for of in cells]
+    density = np.stack(means)
+    if part.veil is not None and part.colour is not None:
+        density += part.colour[:, None] * part.veil.density(np.maximum(deg, 1e-3), wider)
+    return deg, density * smooth_step(deg, low, high)
+
+
+def lay_down(image: Float[Array, "3 y x"], groups: Sequence[Points], plane: Plane) -> Float[Array, "3 y x"]:
+    """Adds near light of points, and what stays where they are. Consumes `image`."""
+    view = plane.view
+    for points in groups:
+        ahead = np.maximum(points.towards[:, 2], 1e-3)
+        place = np.stack(
+            [
+                points.towards[:, 1] / ahead * view.focal_px + view.height_px / 2,
+                points.towards[:, 0] / ahead * view.focal_px + view.width_px / 2,
+            ],
+            axis=1,
+        )
+        pixel = np.floor(place)
+        reaches = np.asarray(reach_px(plane, pixel[:, 0], pixel[:, 1]))
+        classes = np.minimum(np.searchsorted(REACHES_PX, reaches), len(REACHES_PX) - 1)
+        made = prepared(points.mixture, plane)
+        small = mixed([each.mixed for each, _ in made], np.array([weight for _, weight in made], np.float32))
+        fine = _fine([each.fine for each, _ in made], np.array([weight for _, weight in made], np.float32))
+        for k in np.unique(classes):
+            reach = REACHES_PX[k]
+            near = (classes == k) & (points.towards[:, 2] > 0.01)
+            near &= ((pixel > -reach) & (pixel < np.array([view.height_px, view.width_px]) + reach)).all(axis=1)
+            mine = np.flatnonzero(near)
+            for begin in range(0, len(mine), AT_ONCE):
+                some = mine[begin : begin + AT_ONCE]
+                at = np.zeros((AT_ONCE, 2), np.float32)
+                lux = np.zeros(AT_ONCE, np.float32)
+                at[: len(some)], lux[: len(some)] = place[some], points.lux[some]
+                image = _points(image, fine, fine_deg_of(plane), small.all_near, at, lux, view, reach)
+    return image
+
+
+@jax.jit
+def _fine(each: Sequence[Array], weights: Float[Array, "part"]) -> Float[Array, "o i k k"]:
+    """What is near, without what stays within half a pixel."""
+    fine = blended(each, weights)
+    middle = fine.shape[-1] // 2
+    return fine.at[:, :, middle - 1 : middle + 2, middle - 1 : middle + 2].set(0)
+
+
+@functools.partial(jax.jit, static_argnames=("view", "reach"), donate_argnames="image")
+def _points(
+    image: Float[Array, "3 y x"],
+    fine: Float[Array, "3 1 k k"],
+    fine_deg: float,
+    all_near: Float[Array, "3 1"],
+    place: Float[Array, "n 2"],
+    lux: Float[Array, "n"],
+    view: View,
+    reach: int,
+) -> Float[Array, "3 y x"]:
+    pixel = jnp.floor(place).astype(jnp.int32)
+    made = windows(fine, fine_deg, pixel, place, view, reach)
+    down, right = ((place[:, k] - size / 2) / np.float32(view.focal_px) for k, size in enumerate((view.height_px, view.width_px)))
+    pixels_per_sr = (1 + down * down + right * right) ** 1.5 * np.float32(view.focal_px**2)
+    # What stays is shared by the four pixels around, so that it moves smoothly.
+    corner = jnp.floor(place - 0.5).astype(jnp.int32)
+    beyond = place - 0.5 - corner
+
+    def add(k: int, image: Array) -> Array:
+        around = made.density[k, :, 0] * lux[k]
+        stays = (all_near - made.given[k])[:, 0] * lux[k] * pixels_per_sr[k]
+        shares = jnp.outer(*(jnp.stack([1 - beyond[k, axis], beyond[k, axis]]) for axis in range(2)))
+        start = (0, *(corner[k, axis] - pixel[k, axis] + reach for axis in range(2)))
+        was = jax.lax.dynamic_slice(around, start, (3, 2, 2))
+        around = jax.lax.dynamic_update_slice(around, was + stays[:, None, None] * shares, start)
+        return added(image, around, pixel[k] - reach)
+
+    return jax.lax.fori_loop(0, len(lux), add, image)
+
+
+def without_glare(image: Float[Array, "3 y x"], lights: Sequence[Light], view: View) -> Float[Array, "3 y x"]:
+    """A frame with lights of their own as they are where nothing scatters them, in the pixels that they fall into."""
+    image = drawn(image, lights, view)
+    for light in lights:
+        ahead = towards(light)
+        if ahead[2] <= 1e-3 or _is_large(light, view) or light.illuminance_lx <= 0:
+            continue
+        place = np.array([ahead[1], ahead[0]]) / ahead[2] * view.focal_px + np.array([view.height_px, view.width_px]) / 2 - 0.5
+        corner = np.floor(place).astype(int)
+        beyond = place - corner
+        cd_m2 = light.illuminance_lx / _pixel_steradians(ahead, view) * colour_of(light.spectrum)
+        for down, right in np.ndindex(2, 2):
+            y, x = corner[0] + down, corner[1] + right
+            if 0 <= y < view.height_px and 0 <= x < view.width_px:
+                share = abs(1 - down - beyond[0]) * abs(1 - right - beyond[1])
+                image = image.at[:, y, x].add(jnp.asarray(cd_m2 * share, jnp.float32))
+    return image

@@ -1,0 +1,80 @@
+"""Which pixels stand out so much that their near light is laid down pixel by pixel."""
+
+from __future__ import annotations
+
+import functools
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from entoptic.pipeline.effects.glare.plane import Plane
+from entoptic.pipeline.effects.glare.spread import Apart
+from entoptic.pipeline.effects.glare.stamps import REACHES_PX, reach_px
+from entoptic.pipeline.measure import luminance
+
+STEPS = 12
+"""How often a choice is made stricter at most, each time by STRICTER. Engineering choice: up to a thousandfold."""
+STRICTER = 1.8
+
+
+class Choice(NamedTuple):
+    """What stands out."""
+
+    times: float
+    """How much brighter than the three by three cells around it a pixel is."""
+    most: int
+    """Pixels taken at most; where more stand out, those that do so most."""
+
+
+@functools.partial(jax.jit, static_argnames=("plane", "choice"))
+def standing_out(
+    light: Float[Array, "3 y x"], cells: Float[Array, "3 row column"], plane: Plane, choice: Choice
+) -> Apart:
+    """The pixels of a frame, and its cells."""
+    pool = plane.pool
+    around = _mean_around(luminance(cells))
+    peaks = luminance(_maxima(light, pool))
+    ratio = jnp.where(around > 0, peaks / jnp.where(around > 0, around, 1), 0)
+    rows, columns = (jnp.arange(size) for size in ratio.shape)
+    ratio = jnp.where(_within(plane, rows[:, None] * pool, columns[None, :] * pool), ratio, 0)
+    size = choice.most // 2 if pool > 1 else choice.most
+    cell = jnp.nonzero(ratio.ravel() > _threshold(ratio, choice, size), size=size, fill_value=ratio.size)[0]
+    row, column = cell // ratio.shape[1], cell % ratio.shape[1]
+    # A cell that is none lies below the frame.
+    offset = jnp.arange(pool)
+    y = jnp.broadcast_to((row[:, None] * pool + offset)[:, :, None], (size, pool, pool)).ravel()
+    x = jnp.broadcast_to((column[:, None] * pool + offset)[:, None, :], (size, pool, pool)).ravel()
+    colour = light.at[:, y, x].get(mode="fill", fill_value=0)
+    level = around.at[jnp.repeat(row, pool * pool), jnp.repeat(column, pool * pool)].get(mode="fill", fill_value=0)
+    own = luminance(colour[:, None])[0]
+    own_ratio = jnp.where(level > 0, own / jnp.where(level > 0, level, 1), 0)
+    chosen = jnp.nonzero(own_ratio > _threshold(own_ratio, choice, choice.most), size=choice.most, fill_value=own.size)[0]
+    y, x = (place.at[chosen].get(mode="fill", fill_value=0) for place in (y, x))
+    return Apart(y, x, colour.at[:, chosen].get(mode="fill", fill_value=0))
+
+
+def _within(plane: Plane, row: Array, column: Array) -> Array:
+    return reach_px(plane, row + plane.pool / 2, column + plane.pool / 2) <= REACHES_PX[-1] - plane.pool * 4
+
+
+def _threshold(ratio: Array, choice: Choice, most: int) -> Array:
+    """The least of the thresholds above which there are no more than so many."""
+    steps = np.float32(choice.times) * np.float32(STRICTER) ** np.arange(STEPS, dtype=np.float32)
+    counts = jnp.stack([(ratio > step).sum() for step in steps])
+    return jnp.where((counts <= most).any(), jnp.asarray(steps)[jnp.argmax(counts <= most)], jnp.inf)
+
+
+def _mean_around(cells: Float[Array, "row column"]) -> Float[Array, "row column"]:
+    edged = jnp.pad(cells, 1, mode="edge")
+    rows = edged[:-2] + edged[1:-1] + edged[2:]
+    return (rows[:, :-2] + rows[:, 1:-1] + rows[:, 2:]) / 9
+
+
+def _maxima(light: Float[Array, "3 y x"], pool: int) -> Float[Array, "3 row column"]:
+    """Of each channel in each cell."""
+    rows = light.reshape(3, -1, pool, light.shape[2])
+    tall = jax.lax.optimization_barrier(functools.reduce(jnp.maximum, [rows[:, :, k] for k in range(pool)]))
+    return functools.reduce(jnp.maximum, [tall[:, :, k::pool] for k in range(pool)])

@@ -1,0 +1,93 @@
+"""One eye's image with glare: pooled, scattered over the plane, and near light laid down where it stands out."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from entoptic.pipeline.effects.glare import apart, lights, spread, stamps
+from entoptic.pipeline.effects.glare.apart import Choice
+from entoptic.pipeline.effects.glare.kernel import Mixture, prepared
+from entoptic.pipeline.effects.glare.plane import Plane, plane_of
+from entoptic.pipeline.effects.glare.settings import GlareLevel
+from entoptic.pipeline.frame import Light, View
+from entoptic.pipeline.measure import luminance
+from entoptic.pipeline.observer import Observer
+from entoptic.pipeline.optics.aperture import Pose
+
+POOLS = {GlareLevel.EIGHTH: 8, GlareLevel.QUARTER: 4, GlareLevel.HALF: 2, GlareLevel.FULL: 1}
+FEWEST_CELLS = 48
+"""Along the shorter side: of smaller frames fewer pixels are pooled. Engineering choice: a frame of so few pixels costs
+nothing to speak of."""
+CHOICES = {
+    GlareLevel.EIGHTH: Choice(16, 512),
+    GlareLevel.QUARTER: Choice(4, 2048),
+    GlareLevel.HALF: Choice(4, 2048),
+    GlareLevel.FULL: Choice(4, 1024),
+}
+"""What stands out at each level. Engineering choice: the least that keeps a street at night within 1 % of the truth at
+the median and 3 % at nine pixels of ten; more takes longer than the level itself."""
+
+
+def plane_for(view: View, level: GlareLevel) -> Plane:
+    """The plane of a view at a level."""
+    pool = POOLS[level]
+    while pool > 1 and min(view.width_px, view.height_px) / pool < FEWEST_CELLS:
+        pool //= 2
+    return plane_of(view, pool)
+
+
+def glare(
+    rgb: Float[Array, "3 y x"],
+    view: View,
+    mixture: Mixture,
+    level: GlareLevel,
+    ceiling_cd_m2: float | None = None,
+    own_lights: Sequence[Light] = (),
+    observer: Observer = Observer(),
+    pose: Pose = Pose(4.0),
+) -> Float[Array, "3 y x"]:
+    """An image in cd/m² with the glare of all its light, or of that above a ceiling, and of lights of their own.
+
+    A channel may lie below 0, where a colour is not the display's; Y does not. Linear in the light, and none is made:
+    what the frame loses leaves it at its edges.
+    """
+    plane = plane_for(view, level)
+    rgb = lights.drawn(rgb, own_lights, view)
+    light = rgb if ceiling_cd_m2 is None else _above(rgb, np.float32(ceiling_cd_m2))
+    rest = -view.height_px % plane.pool, -view.width_px % plane.pool
+    if any(rest):
+        light = jnp.pad(light, ((0, 0), (0, rest[0]), (0, rest[1])))
+    pooled = spread.pooled(light, plane.pool)
+    pixels = apart.standing_out(light, pooled.cells, plane, CHOICES[level])
+    parts = [(part, made, weight) for (part, _), (made, weight) in zip(mixture, prepared(mixture, plane), strict=True)]
+    weights = np.array([weight for *_, weight in parts], np.float32)
+    mixed = spread.mixed([made.mixed for _, made, _ in parts], weights)
+    without = spread.without(pooled, pixels, plane.pool)
+    points = lights.placed(own_lights, view, observer, pose, ceiling_cd_m2)
+    low = spread.arrives(
+        plane, pooled.cells, without.cells, [made for _, made, _ in parts], weights, lights.on_plane(points, plane)
+    )
+    if (outside := lights.from_outside(points, plane)) is not None:
+        low = low + outside.astype(np.float32)
+    result = spread.combined(light, without, low, mixed, view, plane.pool)
+    if any(rest):
+        result = result[:, : view.height_px, : view.width_px]
+    result = stamps.lay_down(result, pixels, plane, parts, mixed)
+    result = lights.lay_down(result, points, plane)
+    return result if ceiling_cd_m2 is None else _with_rest(rgb, light[:, : view.height_px, : view.width_px], result)
+
+
+@jax.jit
+def _above(rgb: Float[Array, "3 y x"], ceiling_cd_m2: Array) -> Float[Array, "3 y x"]:
+    """All that spreads where the display makes the rest itself."""
+    return rgb * (1 - ceiling_cd_m2 / jnp.maximum(luminance(rgb), ceiling_cd_m2))
+
+
+@jax.jit
+def _with_rest(rgb: Float[Array, "3 y x"], light: Float[Array, "3 y x"], glaring: Array) -> Float[Array, "3 y x"]:
+    return rgb - light + glaring

@@ -1,0 +1,270 @@
+"""All light of a frame scattered: pooled, over the plane, and back through the levels.
+
+Where nothing but rounding and the B-splines' swing can make the luminance of what arrives negative, since every
+function's is positive, nothing arrives.
+"""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float, Int
+from numpy.typing import NDArray
+
+from entoptic.pipeline.effects.glare.kernel import FALLS, TURNS, Mixed, Prepared
+from entoptic.pipeline.effects.glare.plane import Plane, Tables, gathered, read_off
+from entoptic.pipeline.effects.glare.pyramid import NEXT, WIDER, halved, raised, raised_linearly, scattered, scattered_each, to_cells
+from entoptic.pipeline.frame import View
+from entoptic.pipeline.measure import luminance
+
+
+class Apart(NamedTuple):
+    """Pixels whose near light is laid down pixel by pixel; those that are not used have no light."""
+
+    rows: Int[Array, "n"]
+    columns: Int[Array, "n"]
+    light: Float[Array, "3 n"]
+
+
+class Pooled(NamedTuple):
+    """A frame's light at lower resolutions."""
+
+    coarser: tuple[Float[Array, "3 y x"], ...]
+    """At the levels between the pixels and the cells, finest first."""
+    cells: Float[Array, "3 row column"]
+
+
+def pooled(light: Float[Array, "3 y x"], pool: int) -> Pooled:
+    """A frame whose sides are whole numbers of cells, at each level."""
+    coarser = []
+    image = light
+    while 2 ** (len(coarser) + 1) < pool:
+        image = _halved(image)
+        coarser.append(image)
+    return Pooled(tuple(coarser), _to_cells(image) if pool > 1 else image)
+
+
+def without(whole: Pooled, apart: Apart, pool: int) -> Pooled:
+    """The same without the pixels apart. Consumes the coarser levels."""
+    return _without(whole.coarser, whole.cells, apart, pool)
+
+
+@functools.partial(jax.jit, static_argnames="pool", donate_argnames="coarser")
+def _without(coarser: tuple[Array, ...], cells: Float[Array, "3 row column"], apart: Apart, pool: int) -> Pooled:
+    coarser = tuple(_less(image, apart, 2 ** (k + 1)) for k, image in enumerate(coarser))
+    if pool == 1:
+        return Pooled(coarser, cells.at[:, apart.rows, apart.columns].add(-apart.light))
+    side = pool // 2
+    half_y, half_x = apart.rows // side, apart.columns // side
+    light = apart.light / np.float32(side * side)
+    height, width = cells.shape[1:]
+    for to_y, weight_y in ((half_y // 2, 0.375), (half_y // 2 + half_y % 2 * 2 - 1, 0.125)):
+        for to_x, weight_x in ((half_x // 2, 0.375), (half_x // 2 + half_x % 2 * 2 - 1, 0.125)):
+            place = jnp.clip(to_y, 0, height - 1), jnp.clip(to_x, 0, width - 1)
+            cells = cells.at[:, place[0], place[1]].add(-light * np.float32(weight_y * weight_x))
+    return Pooled(coarser, cells)
+
+
+def _less(image: Float[Array, "3 y x"], apart: Apart, side: int) -> Float[Array, "3 y x"]:
+    return image.at[:, apart.rows // side, apart.columns // side].add(-apart.light / np.float32(side * side))
+
+
+def arrives(
+    plane: Plane,
+    cells: Float[Array, "3 row column"],
+    rest: Float[Array, "3 row column"],
+    parts: Sequence[Prepared],
+    weights: NDArray[np.float32],
+    further: Float[Array, "3 v u"] | None = None,
+) -> Float[Array, "3 row column"]:
+    """What the plane brings to each of a frame's cells, in cd/m².
+
+    Far light of all `cells`, near light of those of the `rest`. `further` is the plane's own light from elsewhere, as
+    `on_plane` gives it.
+    """
+    size = plane.height, plane.width, plane.fft_height, plane.fft_width
+    spectra = [(part.high, part.turning, part.near) for part in parts]
+    return _positive(_arrives(cells, rest, plane.tables, _cosines(plane), spectra, weights, further, size, plane.pool))
+
+
+@functools.lru_cache(maxsize=8)
+def _cosines(plane: Plane) -> Float[Array, "v u"]:
+    return jnp.asarray(plane.cosines, jnp.float32)
+
+
+Size = tuple[int, int, int, int]
+
+
+@functools.partial(jax.jit, static_argnames=("size", "pool"))
+def _arrives(
+    cells: Float[Array, "3 row column"],
+    rest: Float[Array, "3 row column"],
+    tables: Tables,
+    cosines: Float[Array, "v u"],
+    spectra: Sequence[tuple[Array, Array, Array]],
+    weights: Float[Array, "part"],
+    further: Float[Array, "3 v u"] | None,
+    size: Size,
+    pool: int,
+) -> Float[Array, "3 row column"]:
+    height, width, *_ = size
+    flux = jnp.concatenate([cells, rest]) * (tables.solid_angle * np.float32(pool * pool))
+    falling = cosines ** np.float32(-FALLS)
+    on_plane = gathered(flux, tables, height) * falling
+    high, turning, near = (
+        blended([part[k] for part in spectra], weights) for k in range(3)
+    )
+    result = scattered_on_plane(on_plane[:3], cosines, high, turning, size, on_plane[3:], near)
+    if further is not None:
+        result = result + further
+    low = read_off(result * falling, tables)
+    return low
+
+
+def scattered_on_plane(
+    light: Float[Array, "i v u"],
+    cosines: Float[Array, "v u"],
+    high: Array,
+    turning: Array,
+    size: Size,
+    rest: Float[Array, "i v u"] | None = None,
+    near: Array | None = None,
+) -> Float[Array, "o v u"]:
+    """Light on the plane scattered far, and what of the `rest` is near; not yet weighed by c^−FALLS where it lands."""
+    height, width, *fft = size
+    turned = cosines ** np.float32(TURNS)
+
+    def there(image: Array) -> Array:
+        return jnp.fft.rfft2(image, s=fft)
+
+    def back(image: Array) -> Array:
+        return jnp.fft.irfft2(image, s=fft)[:, :height, :width]
+
+    direct = through(high, there(light))
+    if rest is not None and near is not None:
+        direct = direct + through(near, there(rest))
+    return jnp.asarray(back(direct) + turned * back(through(turning, there(light * turned))))
+
+
+@jax.jit
+def mixed(parts: Sequence[Mixed], weights: Float[Array, "part"]) -> Mixed:
+    """The weighted sum of what is small."""
+    if len(parts) == 1:
+        return parts[0]
+
+    def mean(each: Sequence[Array]) -> Array:
+        return functools.reduce(jnp.add, [one * weight for one, weight in zip(each, weights, strict=True)])
+
+    return Mixed(
+        blended([part.all_near for part in parts], weights),
+        blended([part.stays for part in parts], weights),
+        tuple(mean([part.taps[k] for part in parts]) for k in range(len(parts[0].taps))),
+        mean([part.leaves for part in parts]),
+    )
+
+
+def through(matrix: Array, light: Array) -> Array:
+    """Light (i, …) through a matrix (o, i, …) from channel to channel; a 1×1 matrix does the same to each channel.
+
+    The sum is written out: XLA makes one vectorized pass of it. An einsum takes thirty times as long.
+    """
+    if matrix.shape[:2] == (1, 1):
+        return matrix[0, 0] * light
+    return functools.reduce(jnp.add, [matrix[:, i] * light[i] for i in range(matrix.shape[1])])
+
+
+def blended(parts: Sequence[Array], weights: Array) -> Array:
+    """The weighted sum of arrays of each part, (o, i, …): of 1×1 ones too, if not all are."""
+    if len(parts) == 1:
+        return parts[0]
+    if len({part.shape[:2] for part in parts}) > 1:
+        parts = [part * jnp.eye(3)[:, :, *[None] * (part.ndim - 2)] if part.shape[0] == 1 else part for part in parts]
+    return functools.reduce(jnp.add, [part * weight for part, weight in zip(parts, weights, strict=True)])
+
+
+def combined(
+    light: Float[Array, "3 y x"],
+    rest: Pooled,
+    low: Float[Array, "3 row column"],
+    mixed: Mixed,
+    view: View,
+    pool: int,
+) -> Float[Array, "3 y x"]:
+    """All light where it lands: raised from the cells to the pixels, and scattered over a few pixels of each level.
+
+    Its steps are compiled apart: fused, XLA works out a stencil anew for each of the sums that its result is part of.
+    """
+    side = pool // 2
+    for image, of_level in zip(reversed(rest.coarser), reversed(mixed.taps[1:]), strict=True):
+        low = _positive(_level(raised_at_once(low), image, of_level, view, side))
+        side //= 2
+    if rest.coarser:
+        return _smooth(light, low, mixed, view)
+    return _positive(_sharp(light, low, mixed, view, pool > 1))
+
+
+@functools.partial(jax.jit, static_argnames=("view", "side"))
+def _level(
+    up: Float[Array, "3 y x"], image: Float[Array, "3 y x"], taps: Float[Array, "tap power o"], view: View, side: int
+) -> Float[Array, "3 y x"]:
+    return up + scattered(image, WIDER, _at(_sines(view, side, image.shape[1:]), taps))
+
+
+@functools.partial(jax.jit, static_argnames="view")
+def _smooth(
+    light: Float[Array, "3 y x"], low: Float[Array, "3 row column"], mixed: Mixed, view: View
+) -> Float[Array, "3 y x"]:
+    return raised_linearly(low) + _near(light, mixed, view)
+
+
+@functools.partial(jax.jit, static_argnames=("view", "raise_it"))
+def _sharp(
+    light: Float[Array, "3 y x"], low: Float[Array, "3 row column"], mixed: Mixed, view: View, raise_it: bool
+) -> Float[Array, "3 y x"]:
+    return (raised(low) if raise_it else low) + _near(light, mixed, view)
+
+
+def _near(light: Float[Array, "3 y x"], mixed: Mixed, view: View) -> Float[Array, "3 y x"]:
+    """What stays of pixels' light, and what those next to them give."""
+    sines = _sines(view, 1, light.shape[1:])
+    beside, diagonal = scattered_each(light, NEXT)
+    to_beside, to_diagonal = _at(sines, mixed.taps[0])
+    stays = through(mixed.stays[:, :, None, None], light) - _polynomial(sines, mixed.leaves) * light
+    return stays + to_beside * beside + to_diagonal * diagonal
+
+
+raised_at_once = jax.jit(raised)
+_halved = jax.jit(halved)
+_to_cells = jax.jit(to_cells)
+
+
+@jax.jit
+def _positive(image: Float[Array, "3 y x"]) -> Float[Array, "3 y x"]:
+    """Nothing where luminance is not above 0."""
+    return jnp.where(luminance(image) > 0, image, 0)
+
+
+def _sines(view: View, side: int, size: tuple[int, ...]) -> Float[Array, "y x"]:
+    """sin²α at the pixels of a level."""
+    down, right = (
+        ((jnp.arange(count, dtype=jnp.float32) + 0.5) * side - whole / 2) / np.float32(view.focal_px)
+        for count, whole in zip(size, (view.height_px, view.width_px), strict=True)
+    )
+    tangent = (down * down)[:, None] + right * right
+    return tangent / (1 + tangent)
+
+
+def _at(sines: Float[Array, "y x"], taps: Float[Array, "tap power o"]) -> list[Float[Array, "o y x"]]:
+    return [_polynomial(sines, tap) for tap in taps]
+
+
+def _polynomial(sines: Float[Array, "y x"], powers: Float[Array, "power o"]) -> Float[Array, "o y x"]:
+    result = jnp.asarray(powers[-1][:, None, None])
+    for power in powers[-2::-1]:
+        result = result * sines + power[:, None, None]
+    return result
