@@ -4,8 +4,9 @@ Nothing here is fast or clever, so it is what the program is compared to, in rou
 at a time, linear Rec.709.
 
 adaptation.py    the luminance an eye is adapted to, and the exposure
-glare.py         the brightest pixels one by one, the rest by a float64 FFT, the veil at true angles
-glare_fft.py     one FFT of the whole frame: what is quick enough to be timed beside
+sphere.py        light at the angle that every pixel has from every other
+point_spread.py  the functions by which it falls with the angle
+glare.py         the two for one eye
 acuity.py        detail lost in the dark
 rod_noise.py     photons that rods count
 tone.py          the filmic curve, and the display's encoding

@@ -1,2 +1,85 @@
-"""placeholder"""
-def of_eye(*a): raise NotImplementedError
+"""Glare of one eye as the direct sum over the sphere, with the function that its settings name.
+
+Formulas are written anew from their papers. Wave optics' function, and SPE's flare lines, are taken as they are sampled
+at pixels' size and finer: what is judged here is where light goes, not whose function it is.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from entoptic.pipeline.frame import LUMINANCE_WEIGHTS
+from entoptic.pipeline.observer import Iris
+from entoptic.pipeline.oracles import point_spread, sphere
+from entoptic.pipeline.oracles.sphere import Function
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from entoptic.pipeline.effects.glare.kernel import Mixture
+    from entoptic.pipeline.eye_context import EyeContext
+
+Reals = NDArray[np.float64]
+
+PIGMENTATION = {Iris.DARK: 0.0, Iris.BROWN: 0.5, Iris.GREEN: 1.0, Iris.BLUE: 1.2}
+"""Vos 2003."""
+STRAYLIGHT = {Iris.DARK: 0.056, Iris.BROWN: 0.106, Iris.GREEN: 0.142, Iris.BLUE: 0.16}
+"""IJspeert 1993; the population's mean for green."""
+CELLS_PER_PX, CORE_PER_PX, CORE_PX = 3, 12, 5
+"""Samples of a function along a pixel of the view's middle, and within CORE_PX of its axis."""
+LARGEST_PX = 260
+"""How far samples reach at most: a view of so many pixels per degree that 9° are more has pixels finer than any lamp's
+glare beyond."""
+
+
+def of_eye(light: ArrayLike, eye: EyeContext, mixture: Mixture, model: str, ceiling_cd_m2: float | None = None) -> Reals:
+    """One eye's image (3, y, x) in cd/m² with glare of its pixels' light. `mixture` is what its function is sampled of."""
+    values = np.asarray(light, np.float64)
+    function = function_of(eye, mixture, model)
+    if ceiling_cd_m2 is None:
+        return sphere.glare(values, eye.view, function)
+    luminance = np.einsum("c,cyx->yx", LUMINANCE_WEIGHTS, values)
+    above = values * (1 - ceiling_cd_m2 / np.maximum(luminance, ceiling_cd_m2))
+    return np.asarray(values - above + sphere.glare(above, eye.view, function))
+
+
+def function_of(eye: EyeContext, mixture: Mixture, model: str) -> Function:
+    """The function of an eye as it stands."""
+    age, iris = eye.observer.age_years, eye.observer.iris
+    match model:
+        case "cie":
+            return point_spread.alike(point_spread.cie135(age, PIGMENTATION[iris]))
+        case "ijspeert":
+            return point_spread.alike(
+                point_spread.ijspeert(eye.aperture.pupil_diameter_mm, age, STRAYLIGHT[iris])
+            )
+    per_deg = eye.view.ppd_centre
+    fine, core = (
+        _sampled(mixture, per_deg * count, reach)
+        for count, reach in (
+            (CELLS_PER_PX, min(int(np.ceil(sphere.SPLIT_DEG * per_deg)) + 1, LARGEST_PX) * CELLS_PER_PX),
+            (CORE_PER_PX, CORE_PX * CORE_PER_PX),
+        )
+    )
+    return point_spread.sampled(
+        fine, 1 / (per_deg * CELLS_PER_PX), core, 1 / (per_deg * CORE_PER_PX), _wide(eye, mixture, model)
+    )
+
+
+def _sampled(mixture: Mixture, per_deg: float, reach: int) -> Reals:
+    """The light in cells; twice as far out as else, the veil leaves all of it to them."""
+    parts = [weight * part.cells(per_deg, reach, 2.0) for part, weight in mixture]
+    if len({len(part) for part in parts}) > 1:
+        parts = [np.eye(3)[:, :, None, None] * part for part in parts]
+    return np.asarray(sum(parts))
+
+
+def _wide(eye: EyeContext, mixture: Mixture, model: str) -> Callable[[Reals], Reals]:
+    if model == "wave":
+        printed = point_spread.cie135(eye.observer.age_years, PIGMENTATION[eye.observer.iris])
+        return point_spread.alike(printed).far
+    scattering = [(weight, part) for part, weight in mixture if part.veil is not None]
+    return lambda deg: np.asarray(sum(weight * part.veil.function(deg, *part.veil.parameters) for weight, part in scattering))

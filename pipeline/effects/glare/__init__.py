@@ -170,7 +170,10 @@ class GlareEffect(Effect[Glare, None]):
         return f"brightest pixel {number(eye.measured.max_cd_m2)} cd/m², {lights}"
 
     def oracle(self, picture: Picture, eye: EyeContext, settings: Glare) -> NDArray[np.float64]:
-        return glare_oracle.of_eye(picture.image[0], eye, settings.model.value, self.prepared(eye).ceiling_cd_m2)
+        prepared = self.prepared(eye)
+        return glare_oracle.of_eye(
+            picture.image[0], eye, prepared.kernel, settings.model.value, prepared.ceiling_cd_m2
+        )
 
     def truth_of(self, settings: Glare) -> Glare:
         return msgspec.structs.replace(settings, level=GlareLevel.FULL)
