@@ -34,7 +34,7 @@ from entoptic.pipeline.optics import radial, whole
 FALLS, TURNS = 2.8, 1.2
 """Powers of the angle between which glare's falls: θ^−2.8 and θ^−1.6. Engineering choice: with them the least errors
 over the whole view (docs/decisions/0017-glare-on-the-sphere.md)."""
-FAR_CELLS = (0.5, 5.0)
+FAR_CELLS = (0.5, 4.0)
 """Cells of the plane between which what is near gives way to what is far. Engineering choice: a rise that quadratic
 B-splines follow within 3 %."""
 FIRST_PX, THEN = (1.0, 2.2), 3.1
@@ -88,8 +88,8 @@ class Prepared(NamedTuple):
     high: Complex[Array, "o i v u"]
     """Transform of A, and of B."""
     turning: Complex[Array, "o i v u"]
-    near: Complex[Array, "o i v u"]
-    """Of what is near and beyond the finer levels, for pixels that do not stand out."""
+    near: Complex[Array, "o i v u"] | None
+    """Of what is near and beyond the levels, for pixels that do not stand out."""
     fine: Float[Array, "o i k k"]
     """Density of what is near, sr⁻¹, FINE_PER_PX samples a pixel of the middle."""
     mixed: Mixed
@@ -119,8 +119,7 @@ Mixture = tuple[tuple[Part, float], ...]
 
 def levels(plane: Plane) -> tuple[Stencil, ...]:
     """The stencils of the levels from the pixels up to the plane's cells, finest first."""
-    coarser = plane.pool.bit_length() - 2
-    return (NEXT, *(WIDER for _ in range(coarser)))
+    return (NEXT, *(WIDER for _ in range(plane.pool.bit_length() - 1)))
 
 
 def far_deg(plane: Plane) -> tuple[float, float]:
@@ -149,8 +148,7 @@ def _prepare(part: Part, plane: Plane) -> Prepared:
     all_near = fine.sum(axis=(2, 3))
     bounds = [tuple(pixel_deg * edge * THEN**k for edge in FIRST_PX) for k in range(len(levels(plane)))]
     near, near_deg = _near_cells(part, plane.step_deg / 3, far, wider)
-    near = near * smooth_step(near_deg, *bounds[-1])
-    near = _threes(near)
+    near = _threes(near * smooth_step(near_deg, *bounds[-1])) if plane.pool == 1 else np.zeros((1, 1, 1, 1))
     profile = _profile(part, pixel_deg, fine, fine_deg, far, wider)
     taps = [_taps(profile, plane, k, stencil, bounds) for k, stencil in enumerate(levels(plane))]
     leaves = sum(
@@ -163,7 +161,7 @@ def _prepare(part: Part, plane: Plane) -> Prepared:
     return Prepared(
         high,
         turning,
-        _transform(_at_origin(near / plane.step**2, plane), plane, 1.0),
+        _transform(_at_origin(near / plane.step**2, plane), plane, 1.0) if plane.pool == 1 else None,
         jnp.asarray(fine / cell_sr, jnp.float32),
         Mixed(
             jnp.asarray(all_near, jnp.float32),
@@ -286,7 +284,9 @@ def _taps(
         away = np.hypot((down + parts)[:, None], right + parts).ravel()
         # A pixel's sides differ off the axis: as if it were a square of the same area.
         deg = side_deg * squares[:, None] ** 0.75 * away
-        density = profile(deg) * (1 - smooth_step(deg, *bounds[level]))
+        density = profile(deg)
+        if level + 1 < len(bounds) or plane.pool == 1:
+            density = density * (1 - smooth_step(deg, *bounds[level]))
         if level:
             density = density * smooth_step(deg, *bounds[level - 1])
         light = density.mean(axis=2) * np.radians(side_deg) ** 2 * squares**1.5

@@ -182,7 +182,7 @@ def _scattered(
     size: tuple[int, int, int, int],
 ) -> Float[Array, "3 v u"]:
     high, turning = (blended([part[k] for part in spectra], weights) for k in range(2))
-    return scattered_on_plane(image * cosines ** np.float32(-FALLS), cosines, high, turning, size)
+    return scattered_on_plane(image * cosines ** np.float32(-FALLS), cosines, high, turning, size, image, None)
 
 
 def from_outside(groups: Sequence[Points], plane: Plane) -> Float[np.ndarray, "3 row column"] | None:

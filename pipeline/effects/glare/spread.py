@@ -35,18 +35,16 @@ class Pooled(NamedTuple):
     """A frame's light at lower resolutions."""
 
     coarser: tuple[Float[Array, "3 y x"], ...]
-    """At the levels between the pixels and the cells, finest first."""
+    """At the levels from twice as large pixels to the cells', finest first."""
     cells: Float[Array, "3 row column"]
 
 
 def pooled(light: Float[Array, "3 y x"], pool: int) -> Pooled:
     """A frame whose sides are whole numbers of cells, at each level."""
-    coarser = []
-    image = light
-    while 2 ** (len(coarser) + 1) < pool:
-        image = _halved(image)
-        coarser.append(image)
-    return Pooled(tuple(coarser), _to_cells(image) if pool > 1 else image)
+    levels = [light]
+    while 2 ** len(levels) <= pool:
+        levels.append(_halved(levels[-1]))
+    return Pooled(tuple(levels[1:]), _to_cells(levels[-2]) if pool > 1 else light)
 
 
 def without(whole: Pooled, apart: Apart, pool: int) -> Pooled:
@@ -84,7 +82,7 @@ def arrives(
 ) -> Float[Array, "3 row column"]:
     """What the plane brings to each of a frame's cells, in cd/m².
 
-    Far light of all `cells`, near light of those of the `rest`. `further` is the plane's own light from elsewhere, as
+    Far light of all `cells`; near light of the `rest` where cells are pixels, else the levels have it. `further` is the plane's own light from elsewhere, as
     `on_plane` gives it.
     """
     size = plane.height, plane.width, plane.fft_height, plane.fft_width
@@ -113,12 +111,12 @@ def _arrives(
     pool: int,
 ) -> Float[Array, "3 row column"]:
     height, width, *_ = size
-    flux = jnp.concatenate([cells, rest]) * (tables.solid_angle * np.float32(pool * pool))
+    both = cells if spectra[0][2] is None else jnp.concatenate([cells, rest])
+    flux = both * (tables.solid_angle * np.float32(pool * pool))
     falling = cosines ** np.float32(-FALLS)
     on_plane = gathered(flux, tables, height) * falling
-    high, turning, near = (
-        blended([part[k] for part in spectra], weights) for k in range(3)
-    )
+    high, turning = (blended([part[k] for part in spectra], weights) for k in range(2))
+    near = None if spectra[0][2] is None else blended([part[2] for part in spectra], weights)
     result = scattered_on_plane(on_plane[:3], cosines, high, turning, size, on_plane[3:], near)
     if further is not None:
         result = result + further
@@ -132,8 +130,8 @@ def scattered_on_plane(
     high: Array,
     turning: Array,
     size: Size,
-    rest: Float[Array, "i v u"] | None = None,
-    near: Array | None = None,
+    rest: Float[Array, "i v u"],
+    near: Array | None,
 ) -> Float[Array, "o v u"]:
     """Light on the plane scattered far, and what of the `rest` is near; not yet weighed by c^−FALLS where it lands."""
     height, width, *fft = size
@@ -146,7 +144,7 @@ def scattered_on_plane(
         return jnp.fft.irfft2(image, s=fft)[:, :height, :width]
 
     direct = through(high, there(light))
-    if rest is not None and near is not None:
+    if near is not None:
         direct = direct + through(near, there(rest))
     return jnp.asarray(back(direct) + turned * back(through(turning, there(light * turned))))
 
@@ -199,13 +197,13 @@ def combined(
 
     Its steps are compiled apart: fused, XLA works out a stencil anew for each of the sums that its result is part of.
     """
-    side = pool // 2
+    side = pool
     for image, of_level in zip(reversed(rest.coarser), reversed(mixed.taps[1:]), strict=True):
-        low = _positive(_level(raised_at_once(low), image, of_level, view, side))
+        if side < pool:
+            low = raised_at_once(low)
+        low = _positive(_level(low, image, of_level, view, side))
         side //= 2
-    if rest.coarser:
-        return _smooth(light, low, mixed, view)
-    return _positive(_sharp(light, low, mixed, view, pool > 1))
+    return _smooth(light, low, mixed, view) if rest.coarser else _positive(_as_is(light, low, mixed, view))
 
 
 @functools.partial(jax.jit, static_argnames=("view", "side"))
@@ -222,11 +220,11 @@ def _smooth(
     return raised_linearly(low) + _near(light, mixed, view)
 
 
-@functools.partial(jax.jit, static_argnames=("view", "raise_it"))
-def _sharp(
-    light: Float[Array, "3 y x"], low: Float[Array, "3 row column"], mixed: Mixed, view: View, raise_it: bool
+@functools.partial(jax.jit, static_argnames="view")
+def _as_is(
+    light: Float[Array, "3 y x"], low: Float[Array, "3 y x"], mixed: Mixed, view: View
 ) -> Float[Array, "3 y x"]:
-    return (raised(low) if raise_it else low) + _near(light, mixed, view)
+    return low + _near(light, mixed, view)
 
 
 def _near(light: Float[Array, "3 y x"], mixed: Mixed, view: View) -> Float[Array, "3 y x"]:
