@@ -72,33 +72,17 @@ def veil(light, kernel, focal_px):
     return np.einsum("yv,vuc,xu->yxc", rows, arrives, columns, optimize=True)
 
 
-def in_window(shape, eye, focal_px):
-    """How much of a pixel's light goes through the kernel: all of it near the gaze, none far from it."""
-    if eye["window_reach_deg"] is None:
-        return 1
-    azimuth, elevation = np.radians(eye["gaze_deg"])
-    x = np.arange(shape[1]) + 0.5 - shape[1] / 2 - focal_px * np.tan(azimuth)
-    y = np.arange(shape[0]) + 0.5 - shape[0] / 2 + focal_px * np.tan(elevation) / np.cos(azimuth)
-    away_px = np.hypot(y[:, None], x)
-    step = np.clip(2 - 2 * away_px / (eye["window_reach_deg"] * np.radians(focal_px)), 0, 1)
-    return (step * step * (3 - 2 * step))[..., None]
-
-
 def glare(light, eye, kernel, focal_px):
     """Light that the eye scatters. None is made: what a pixel gives away is what others get."""
     scattering = light
     if eye["glare_ceiling_cd_m2"] is not None:
         ceiling = eye["glare_ceiling_cd_m2"]
         scattering = light * (1 - ceiling / np.maximum(light @ LUMINANCE, ceiling))[..., None]
-    result = light
-    if eye["kernel_weight"]:
-        near = scattering * in_window(light.shape, eye, focal_px)
-        given_away = (np.array(kernel["stays_rgb"]) + kernel["veil_share"] - 1) * near
-        result = result + eye["kernel_weight"] * (given_away + convolve(near, kernel))
+    given_away = (np.array(kernel["stays_rgb"]) + kernel["veil_share"] - 1) * scattering
+    change = given_away + convolve(scattering, kernel)
     if kernel["veil_deg"]:
-        change = veil(scattering, kernel, focal_px) - kernel["veil_share"] * scattering
-        result = result + eye["veil_weight"] * change
-    return result
+        change = change + veil(scattering, kernel, focal_px) - kernel["veil_share"] * scattering
+    return light + eye["glare_weight"] * change
 
 
 def acuity(light, eye):

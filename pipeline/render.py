@@ -106,6 +106,7 @@ def perceive(
     reused: set[str] = set()
     for effect in EFFECTS:
         if not (step := planned.plan[effect.name]).runs:
+            picture = picture.after(effect.left_out(picture, eyes), effect.domain)
             continue
         run = _Run(effect, step, eyes, planned.tiles.get(effect.name), {} if state is None else state.reusable)
         image = clock.time(effect.name, lambda run=run, before=picture: run.image(before))  # type: ignore[misc]
@@ -148,7 +149,8 @@ class _Run:
     def image(self, picture: Picture) -> Float[Array, "eye 3 y x"]:
         """The images after it."""
         first, *second = [
-            picture.image if level == SKIPPED else self._at(level, picture) for level in self._step.weights
+            self._effect.left_out(picture, self._eyes) if level == SKIPPED else self._at(level, picture)
+            for level in self._step.weights
         ]
         return _mix(first, *second, self._step.fade) if second else first
 

@@ -1,13 +1,12 @@
 """Eyes viewing a frame, for tests of one effect alone."""
 
-import dataclasses
 import math
 
 import jax.numpy as jnp
 import numpy as np
 
-from entoptic.pipeline import Display, Effects, EyeContext, EyePose, Frame, Glare, Observer, View
-from entoptic.pipeline.effects.glare import Mixture, PreparedGlare, scatter
+from entoptic.pipeline import Display, Effects, EyeContext, EyePose, Frame, GlareLevel, Light, Observer, View
+from entoptic.pipeline.effects.glare import Mixture, glare
 from entoptic.pipeline.measure import measure
 from entoptic.pipeline.optics.aperture import Pose
 from entoptic.pipeline.viewing import view_frame
@@ -24,17 +23,8 @@ def looking_at(view: View, x_px: float, y_px: float, pupil_diameter_mm: float) -
 
 
 def glared(
-    rgb: np.ndarray,
-    view: View,
-    kernel: Mixture,
-    observer: Observer,
-    aperture: Pose,
-    settings: Glare,
-    gaze_px: tuple[float, float] | None = None,
+    rgb: np.ndarray, view: View, mixture: Mixture, level: GlareLevel = GlareLevel.QUARTER, *lights: Light
 ) -> np.ndarray:
-    """One image (3, y, x) with the glare of a kernel, by an eye that stands like this."""
-    image = jnp.array(rgb, jnp.float32)
-    x_px, y_px = gaze_px or (view.width_px / 2, view.height_px / 2)
-    eye = viewing(Frame(image[None], view), looking_at(view, x_px, y_px, aperture.pupil_diameter_mm), observer)
-    eye = dataclasses.replace(eye, aperture=aperture)
-    return np.asarray(scatter(image, eye, PreparedGlare(kernel), settings, settings.level), np.float64)
+    """One image (3, y, x) with the glare of a function, by an eye whose pupil is 5 mm wide."""
+    image = glare(jnp.array(rgb, jnp.float32), view, mixture, level, None, lights, Observer(gratings=60), Pose(5.0))
+    return np.asarray(image, np.float64)

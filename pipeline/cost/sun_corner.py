@@ -12,12 +12,13 @@ from jaxtyping import Array, Float
 from numpy.typing import NDArray
 
 from entoptic.pipeline.cost.scenes import SUN_DARK_CD_M2, CostScene
-from entoptic.pipeline.effects.glare.kernel import Component
-from entoptic.pipeline.effects.glare.window import glare_frame
+from entoptic.pipeline.effects.glare.kernel import Part
 from entoptic.pipeline.frame import LUMINANCE_WEIGHTS, View
+from entoptic.pipeline.optics.whole import kernel_radius_px
 
 PLAIN = "a plain float32 FFT of the whole kernel"
-LAID = "level frame without its veil"
+RING_DEG = 2.0
+"""Width of the rings that errors are told of. Engineering choice: each has some ten of the pixels compared."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -25,7 +26,7 @@ class SunCorner:
     """The light that an eye scatters around the sun, and errors, over the angle from it."""
 
     deg: NDArray[np.float64]
-    """Middles of rings of one degree."""
+    """Middles of rings."""
     truth_cd_m2: NDArray[np.float64]
     """Median luminance on each ring."""
     error_cd_m2: Mapping[str, NDArray[np.float64]]
@@ -36,39 +37,38 @@ class SunCorner:
 
 def sun_corner(
     scene: CostScene,
-    kernel: Component,
-    images: Mapping[str, Float[np.ndarray, "3 y x"]],
-    truth: Float[np.ndarray, "3 y x"],
+    part: Part,
+    images: Mapping[str, Float[np.ndarray, "3 n"]],
+    truth: Float[np.ndarray, "3 n"],
+    at: NDArray[np.intp],
 ) -> SunCorner:
-    """Errors of images in cd/m² by their angle from the scene's brightest pixel.
+    """Errors of images in cd/m², at pixels (n, 2), by their angle from the scene's brightest pixel.
 
-    Two of the kernel's part alone are added, float32 against float64: what a plain FFT of it all rounds, and what the
-    level `frame` does, which lays the brightest pixels down without an FFT.
+    One of a part's cells alone is added, float32 against float64: what a plain FFT of it all rounds.
     """
     rgb = scene.frame.rgb_cd_m2[0]
-    plain, exact = (np.asarray(plain_fft(rgb.astype(dtype), kernel)) for dtype in (jnp.float32, jnp.float64))
-    laid = np.asarray(glare_frame(rgb, scene.frame.view, ((kernel, 1.0),), scene.measured))
-    # What the veil will take is still in its place there.
-    exact_frame = exact + kernel.veil_share * np.asarray(rgb, np.float64)
+    plain, exact = (
+        np.asarray(plain_fft(rgb.astype(dtype), scene.frame.view, part)) for dtype in (jnp.float32, jnp.float64)
+    )
+    rows, columns = at.T
     differences = {
-        PLAIN: plain - exact,
-        LAID: laid - exact_frame,
+        PLAIN: (plain - exact)[:, rows, columns],
         **{name: image - truth for name, image in images.items()},
     }
-    ring = np.floor(angles_deg(scene.frame.view, _brightest(rgb))).astype(int)
-    numbers = np.unique(ring)[1:]
+    ring = np.floor(angles_deg(scene.frame.view, _brightest(rgb))[rows, columns] / RING_DEG).astype(int)
+    numbers = np.unique(ring)
 
     def on_rings(values: NDArray[np.float64], percent: float) -> NDArray[np.float64]:
         return np.array([np.percentile(values[ring == number], percent) for number in numbers])
 
     errors = {name: on_rings(np.abs(_luminance(difference)), 95) for name, difference in differences.items()}
-    return SunCorner(numbers + 0.5, on_rings(_luminance(truth), 50), errors, SUN_DARK_CD_M2)
+    return SunCorner((numbers + 0.5) * RING_DEG, on_rings(_luminance(truth), 50), errors, SUN_DARK_CD_M2)
 
 
-def plain_fft(rgb: Float[Array, "3 y x"], kernel: Component) -> Float[Array, "3 y x"]:
-    """A frame convolved with a whole kernel, what stays in its pixel included, by one FFT in the frame's precision."""
-    radius = kernel.scatters.shape[2] // 2
-    whole = kernel.scatters.at[:, :, radius, radius].add(kernel.stays).astype(rgb.dtype)
+def plain_fft(rgb: Float[Array, "3 y x"], view: View, part: Part) -> Float[Array, "3 y x"]:
+    """A frame convolved with a part's cells over its pixels, by one FFT in the frame's precision."""
+    whole = jnp.asarray(part.cells(view.ppd_centre, kernel_radius_px(view.ppd_centre), 1.0), rgb.dtype)
+    radius = whole.shape[2] // 2
     height, width = rgb.shape[1:]
     size = tuple(scipy.fft.next_fast_len(side + 2 * radius, real=True) for side in (height, width))
     spectrum = jnp.einsum("oiyx,iyx->oyx", jnp.fft.rfft2(whole, s=size), jnp.fft.rfft2(rgb, s=size))
@@ -91,5 +91,5 @@ def _brightest(rgb: Float[Array, "3 y x"]) -> tuple[int, int]:
     return int(row), int(column)
 
 
-def _luminance(rgb: Float[np.ndarray, "3 y x"]) -> Float[np.ndarray, "y x"]:
-    return np.einsum("c,cyx->yx", np.array(LUMINANCE_WEIGHTS), np.asarray(rgb, np.float64))
+def _luminance(rgb: Float[np.ndarray, "3 *n"]) -> Float[np.ndarray, "*n"]:
+    return np.einsum("c,c...->...", np.array(LUMINANCE_WEIGHTS), np.asarray(rgb, np.float64))

@@ -163,6 +163,10 @@ class Effect(abc.ABC, Generic[SettingsT, MemoryT]):
     ) -> Float[Array, "eye 3 y x"]:
         """The images after it, float32."""
 
+    def left_out(self, picture: Picture, eyes: Sequence[EyeContext]) -> Float[Array, "eye 3 y x"]:
+        """The images where it does not run: what it would have drawn of its own is not to be missed."""
+        return picture.image
+
     @abc.abstractmethod
     def bound(self, ranges: TileRanges, eye: EyeContext, settings: SettingsT, level: str) -> Change:
         """The most by which a reduced level differs from the full one, right behind it; rigorous."""

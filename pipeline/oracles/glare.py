@@ -35,7 +35,9 @@ LARGEST_PX = 260
 glare beyond."""
 
 
-def of_eye(light: ArrayLike, eye: EyeContext, mixture: Mixture, model: str, ceiling_cd_m2: float | None = None) -> Reals:
+def of_eye(
+    light: ArrayLike, eye: EyeContext, mixture: Mixture, model: str, ceiling_cd_m2: float | None = None
+) -> Reals:
     """One eye's image (3, y, x) in cd/m² with glare of its pixels' light. `mixture` is what its function is sampled of."""
     values = np.asarray(light, np.float64)
     function = function_of(eye, mixture, model)
@@ -53,9 +55,7 @@ def function_of(eye: EyeContext, mixture: Mixture, model: str) -> Function:
         case "cie":
             return point_spread.alike(point_spread.cie135(age, PIGMENTATION[iris]))
         case "ijspeert":
-            return point_spread.alike(
-                point_spread.ijspeert(eye.aperture.pupil_diameter_mm, age, STRAYLIGHT[iris])
-            )
+            return point_spread.alike(point_spread.ijspeert(eye.aperture.pupil_diameter_mm, age, STRAYLIGHT[iris]))
     per_deg = eye.view.ppd_centre
     fine, core = (
         _sampled(mixture, per_deg * count, reach)
@@ -81,5 +81,9 @@ def _wide(eye: EyeContext, mixture: Mixture, model: str) -> Callable[[Reals], Re
     if model == "wave":
         printed = point_spread.cie135(eye.observer.age_years, PIGMENTATION[eye.observer.iris])
         return point_spread.alike(printed).far
-    scattering = [(weight, part) for part, weight in mixture if part.veil is not None]
-    return lambda deg: np.asarray(sum(weight * part.veil.function(deg, *part.veil.parameters) for weight, part in scattering))
+    veils = [(weight, part.veil) for part, weight in mixture if part.veil is not None]
+
+    def wide(deg: Reals) -> Reals:
+        return np.sum([weight * veil.function(deg, *veil.parameters) for weight, veil in veils], axis=0)
+
+    return wide

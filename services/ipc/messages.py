@@ -69,8 +69,6 @@ class EyeShown(msgspec.Struct, frozen=True):
     adapted_cd_m2: float
     mean_cd_m2: float
     max_cd_m2: float
-    window_px: tuple[float, float, float, float] | None = None
-    """Left, top, width and height of what the glare's kernel is computed of; None where it is all or nothing."""
 
 
 class StepShown(msgspec.Struct, frozen=True):
@@ -149,18 +147,13 @@ class EngineEye(msgspec.Struct, frozen=True):
     pupil_diameter_mm: float
     adapted_cd_m2: float
     glare: str
-    """The level; `skipped` and `off` mean that there is nothing to do, `veil` that only the veil is to be applied."""
+    """The level; `skipped` and `off` mean that there is nothing to do."""
     kernel: int
     """The number of the kernel message that belongs to it; 0 while no glare runs."""
-    kernel_weight: float
-    """How much of what the kernel changes is to be applied, 0 to 1: between them while glare fades in or out."""
-    veil_weight: float
-    """The same of what the veil changes."""
+    glare_weight: float
+    """How much of what kernel and veil change is to be applied, 0 to 1: between them while glare fades in or out."""
     glare_ceiling_cd_m2: float | None
     """Where given, only a pixel's light above this luminance scatters."""
-    window_reach_deg: float | None
-    """Where given, only light near the gaze goes through the kernel: all within half of this, less and less up to it
-    (docs/engine.md). In pixels of the picture times their number per degree in the middle; the veil is of all light."""
     acuity: str
     """The level; `fit`: blur luminance by a Gaussian of σ = max(1 − L*, 0) px, L* of the pixel's luminance in cd/m²."""
     acuity_weight: float

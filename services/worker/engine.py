@@ -24,16 +24,14 @@ from entoptic.pipeline.effects import Effects
 from entoptic.pipeline.effects.acuity import AcuityMethod, larson
 from entoptic.pipeline.effects.acuity.fit import LIMIT_CD_M2
 from entoptic.pipeline.effects.adaptation import exposure
-from entoptic.pipeline.effects.glare import GLARE, GlareLevel, Mixture
-from entoptic.pipeline.effects.glare.kernel import Component, Veil
-from entoptic.pipeline.effects.glare.veil import amounts
-from entoptic.pipeline.effects.glare.window import window_of
+from entoptic.pipeline.effects.glare import GLARE, Mixture
+from entoptic.pipeline.effects.glare.kernel import Part, Veil, amounts
 from entoptic.pipeline.effects.night_colour import NightColour, NightMethod, tints
 from entoptic.pipeline.effects.night_colour.share import adapted_share
 from entoptic.pipeline.effects.tone import Operator, full_cd_m2
 from entoptic.pipeline.effects.tone.show import coefficients
 from entoptic.pipeline.optics import radial
-from entoptic.pipeline.optics.whole import VEIL_DEG
+from entoptic.pipeline.optics.whole import VEIL_DEG, kernel_radius_px
 from entoptic.pipeline.primaries import SUM_WEIGHTS
 from entoptic.services.ipc.messages import EngineEye, EngineFrame, EngineKernel
 from entoptic.services.rendering import Rendered
@@ -70,12 +68,10 @@ def engine_frame(
 
 def _eye(rendered: Rendered, k: int, eye: Eye, effects: Effects, display: Display, number: int) -> EngineEye:
     perceived, pose, view = rendered.perceived, rendered.poses[k], rendered.frame.view
-    kernel = GLARE.prepared(perceived.eyes[k]).kernel
     plan, adapted = perceived.plan, perceived.state.adapted[k]
     adapted_cd_m2, target_cd_m2 = adapted.luminance_cd_m2, adapted.tone_target_cd_m2(effects.adaptation)
     numbers = coefficients(adapted_cd_m2, target_cd_m2, effects.tone, display)
     glare, acuity, night = plan[GLARE.name], plan["acuity"], plan["night_colour"]
-    veil_alone = glare.weights.get(GlareLevel.VEIL.value, 0.0)
     phase = None if rendered.state is None else rendered.state.of(eye).phase
     method = effects.night_colour.method
     return EngineEye(
@@ -87,12 +83,10 @@ def _eye(rendered: Rendered, k: int, eye: Eye, effects: Effects, display: Displa
         adapted_cd_m2=adapted_cd_m2,
         glare=glare.level,
         kernel=number if glare.runs else 0,
-        kernel_weight=_weight(glare) - veil_alone,
-        veil_weight=_weight(glare),
+        glare_weight=_weight(glare),
         glare_ceiling_cd_m2=(
             full_cd_m2(adapted_cd_m2, target_cd_m2, effects.tone, display) if effects.glare.above_display else None
         ),
-        window_reach_deg=_reach_deg(view, kernel) if GlareLevel.WINDOW.value in glare.weights else None,
         acuity=acuity.level,
         acuity_weight=_weight(acuity),
         acuity_sigma_px=_sigma_px(adapted_cd_m2, view, effects) if acuity.runs else 0.0,
@@ -117,10 +111,6 @@ def _weight(step: Step) -> float:
 
 
 _NOTHING = ("skipped", "off")
-
-
-def _reach_deg(view: View, mixture: Mixture) -> float:
-    return window_of(view, mixture[0][0].scatters.shape[2] // 2).reach_px / view.ppd_centre
 
 
 def _sigma_px(adapted_cd_m2: float, view: View, effects: Effects) -> float:
@@ -179,21 +169,21 @@ class KernelNumbers:
 
 def _differs(one: Mixture, other: Mixture, least: float) -> bool:
     weights = dict(one)
-    for component, weight in other:
-        weights[component] = weights.get(component, 0.0) - weight
+    for part, weight in other:
+        weights[part] = weights.get(part, 0.0) - weight
     return any(abs(change) >= least for change in weights.values())
 
 
 def engine_kernel(held: Held, eye: Eye, pixels_per_deg: float) -> EngineKernel:
     """A kernel as an engine takes it."""
     mixture = held.mixture
-    white = np.sum([weight * _of_white(component) for component, weight in mixture], axis=0)
+    white = np.sum([weight * _of_white(part, pixels_per_deg) for part, weight in mixture], axis=0)
     middle = white.shape[0] // 2
     white[middle, middle] = 0
     largest = float(np.abs(white).max())
     scale = 2.0 ** math.ceil(math.log2(largest / LARGEST)) if largest > 0 else 1.0
     halves = (white / scale).astype("<f2")
-    shares = amounts(mixture)
+    shares = {veil: weight * _veil_volume(veil) for veil, weight in amounts(mixture).items()}
     veil_share = sum(shares.values())
     stays = 1 - veil_share - halves.astype(np.float64).sum(axis=(0, 1)) * scale
     veil = np.sum([share * _unit_veil(function) for function, share in shares.items()], axis=0) if shares else ()
@@ -212,13 +202,18 @@ def engine_kernel(held: Held, eye: Eye, pixels_per_deg: float) -> EngineKernel:
 
 
 @functools.lru_cache(maxsize=4)
-def _of_white(component: Component) -> NDArray[np.float64]:
+def _of_white(part: Part, pixels_per_deg: float) -> NDArray[np.float64]:
     """What a pixel of white light gives to those around it: (row, column, red green blue)."""
-    to_channels = np.asarray(component.scatters, np.float64).sum(axis=1)
+    to_channels = part.cells(pixels_per_deg, kernel_radius_px(pixels_per_deg), 1.0).sum(axis=1)
     return np.ascontiguousarray(np.broadcast_to(to_channels, (3, *to_channels.shape[1:])).transpose(1, 2, 0))
+
+
+@functools.lru_cache(maxsize=16)
+def _veil_volume(veil: Veil) -> float:
+    return radial.hemisphere_volume(lambda deg: veil.density(deg, 1.0))
 
 
 @functools.lru_cache(maxsize=16)
 def _unit_veil(veil: Veil) -> NDArray[np.float64]:
     """A veil that takes all light, at VEIL_ANGLES_DEG."""
-    return np.asarray(veil.density(np.array(VEIL_ANGLES_DEG)) / radial.hemisphere_volume(veil.density))
+    return np.asarray(veil.density(np.array(VEIL_ANGLES_DEG), 1.0) / _veil_volume(veil))

@@ -18,9 +18,8 @@ import numpy as np
 import zmq
 from zmq.utils.monitor import recv_monitor_message
 
-from entoptic.pipeline import Display, GlareLevel, as_displayed
+from entoptic.pipeline import Display, as_displayed
 from entoptic.pipeline.effects.glare import GLARE
-from entoptic.pipeline.effects.glare.window import rectangle_px
 from entoptic.services.ipc import messages
 from entoptic.services.ipc.messages import EyeShown, LatencyMs, Picture, Shown, StepShown
 from entoptic.services.rendering import Rendered
@@ -231,7 +230,6 @@ def eye_shown(rendered: Rendered, k: int, eye: Eye) -> EyeShown:
     """One eye's figures."""
     perceived, pose, view = rendered.perceived, rendered.poses[k], rendered.frame.view
     gaze_px = view.pixel_of(pose.azimuth_deg, pose.elevation_deg)
-    in_window = GlareLevel.WINDOW.value in perceived.plan[GLARE.name].weights
     return EyeShown(
         eye=eye.name.lower(),
         phase="none" if rendered.state is None else rendered.state.of(eye).phase.value,
@@ -242,7 +240,6 @@ def eye_shown(rendered: Rendered, k: int, eye: Eye) -> EyeShown:
         adapted_cd_m2=perceived.state.adapted_cd_m2[k],
         mean_cd_m2=perceived.measured[k].mean_cd_m2,
         max_cd_m2=perceived.measured[k].max_cd_m2,
-        window_px=rectangle_px(view, GLARE.prepared(perceived.eyes[k]).kernel, gaze_px) if in_window else None,
     )
 
 

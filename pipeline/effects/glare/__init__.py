@@ -143,17 +143,13 @@ class GlareEffect(Effect[Glare, None]):
     def left_out(self, picture: Picture, eyes: Sequence[EyeContext]) -> Float[Array, "eye 3 y x"]:
         if not eyes[0].lights:
             return picture.image
-        return jnp.stack(
-            [lights.without_glare(picture.image[k], eye.lights, eye.view) for k, eye in enumerate(eyes)]
-        )
+        return jnp.stack([lights.without_glare(picture.image[k], eye.lights, eye.view) for k, eye in enumerate(eyes)])
 
     def bound(self, ranges: TileRanges, eye: EyeContext, settings: Glare, level: str) -> Change:
         prepared = self.prepared(eye)
         if level == SKIPPED:
             return bounds.skipped(prepared.kernel, eye.measured, prepared.ceiling_cd_m2)
-        return bounds.reduced(
-            prepared.kernel, eye.measured, GlareLevel(level), settings.level, prepared.ceiling_cd_m2
-        )
+        return bounds.reduced(prepared.kernel, eye.measured, GlareLevel(level), settings.level, prepared.ceiling_cd_m2)
 
     def propagate(self, changes: TileChanges, ranges: TileRanges, eye: EyeContext, settings: Glare) -> Change:
         return bounds.propagate(changes.image, self.prepared(eye).kernel)
@@ -171,9 +167,7 @@ class GlareEffect(Effect[Glare, None]):
 
     def oracle(self, picture: Picture, eye: EyeContext, settings: Glare) -> NDArray[np.float64]:
         prepared = self.prepared(eye)
-        return glare_oracle.of_eye(
-            picture.image[0], eye, prepared.kernel, settings.model.value, prepared.ceiling_cd_m2
-        )
+        return glare_oracle.of_eye(picture.image[0], eye, prepared.kernel, settings.model.value, prepared.ceiling_cd_m2)
 
     def truth_of(self, settings: Glare) -> Glare:
         return msgspec.structs.replace(settings, level=GlareLevel.FULL)

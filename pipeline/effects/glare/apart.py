@@ -51,7 +51,9 @@ def standing_out(
     level = around.at[jnp.repeat(row, pool * pool), jnp.repeat(column, pool * pool)].get(mode="fill", fill_value=0)
     own = luminance(colour[:, None])[0]
     own_ratio = jnp.where(level > 0, own / jnp.where(level > 0, level, 1), 0)
-    chosen = jnp.nonzero(own_ratio > _threshold(own_ratio, choice, choice.most), size=choice.most, fill_value=own.size)[0]
+    chosen = jnp.nonzero(own_ratio > _threshold(own_ratio, choice, choice.most), size=choice.most, fill_value=own.size)[
+        0
+    ]
     y, x = (place.at[chosen].get(mode="fill", fill_value=0) for place in (y, x))
     return Apart(y, x, colour.at[:, chosen].get(mode="fill", fill_value=0))
 

@@ -129,9 +129,7 @@ def far_deg(plane: Plane) -> tuple[float, float]:
 
 def prepared(mixture: Mixture, plane: Plane) -> list[tuple[Prepared, float]]:
     """Each part in a plane, and its weight."""
-    return [
-        (part.kept(("plane", plane), functools.partial(_prepare, part, plane)), weight) for part, weight in mixture
-    ]
+    return [(part.kept(("plane", plane), functools.partial(_prepare, part, plane)), weight) for part, weight in mixture]
 
 
 def smooth_step(x: Reals, low: float, high: float) -> Reals:

@@ -32,7 +32,10 @@ from entoptic.pipeline.optics.aperture import Pose
 DISC_PX = 2.0
 """Radius up to which a disc is so many points; larger ones are drawn with the frame's pixels. Engineering choice: of a
 smaller one no glare shows more than its size."""
-SPOTS = ((0.0, 0.0), *((math.sqrt(2 / 3) * math.cos(k * math.pi / 3), math.sqrt(2 / 3) * math.sin(k * math.pi / 3)) for k in range(6)))
+SPOTS = (
+    (0.0, 0.0),
+    *((math.sqrt(2 / 3) * math.cos(k * math.pi / 3), math.sqrt(2 / 3) * math.sin(k * math.pi / 3)) for k in range(6)),
+)
 """Points of a disc of radius 1: with them its light spreads as far, in the root mean square, as the disc's."""
 STRIDE = 8
 """Of a light far outside the view, the glare is computed at every so many cells. Engineering choice: it is smooth there."""
@@ -52,7 +55,9 @@ class Points:
     lux: NDArray[np.float64]
 
 
-def placed(lights: Sequence[Light], view: View, observer: Observer, pose: Pose, ceiling_cd_m2: float | None = None) -> list[Points]:
+def placed(
+    lights: Sequence[Light], view: View, observer: Observer, pose: Pose, ceiling_cd_m2: float | None = None
+) -> list[Points]:
     """Lights that are not drawn with the pixels, by their spectra. Of those above a ceiling, only what lies above it."""
     by_spectrum: dict[str, list[tuple[NDArray[np.float64], float]]] = defaultdict(list)
     for light in lights:
@@ -97,7 +102,9 @@ def _pixel_steradians(ahead: NDArray[np.float64], view: View) -> float:
 
 def _is_large(light: Light, view: View) -> bool:
     ahead = towards(light)
-    return bool(ahead[2] > 1e-3 and math.radians(light.radius_deg) > DISC_PX * math.sqrt(_pixel_steradians(ahead, view)))
+    return bool(
+        ahead[2] > 1e-3 and math.radians(light.radius_deg) > DISC_PX * math.sqrt(_pixel_steradians(ahead, view))
+    )
 
 
 def _share_above(light: Light, view: View, ceiling_cd_m2: float) -> float:
@@ -153,7 +160,9 @@ def on_plane(groups: Sequence[Points], plane: Plane) -> Float[Array, "3 v u"] | 
         image = np.zeros((1, plane.height, plane.width), np.float32)
         for down in range(3):
             for right in range(3):
-                np.add.at(image[0], (first_y + down, first_x + right), weights_y[down] * weights_x[right] * points.lux[inside])
+                np.add.at(
+                    image[0], (first_y + down, first_x + right), weights_y[down] * weights_x[right] * points.lux[inside]
+                )
         made = prepared(points.mixture, plane)
         weights = np.array([weight for _, weight in made], np.float32)
         part = _scattered(image, [(each.high, each.turning) for each, _ in made], weights, *_plane_arrays(plane))
@@ -206,8 +215,13 @@ def from_outside(groups: Sequence[Points], plane: Plane) -> Float[np.ndarray, "3
 
 
 def _direct(
-    ahead: NDArray[np.float64], lux: NDArray[np.float64], plane: Plane, stride: int,
-    deg: NDArray[np.float64], density: NDArray[np.float64], size: tuple[int, int],
+    ahead: NDArray[np.float64],
+    lux: NDArray[np.float64],
+    plane: Plane,
+    stride: int,
+    deg: NDArray[np.float64],
+    density: NDArray[np.float64],
+    size: tuple[int, int],
 ) -> NDArray[np.float64]:
     at = _cells(plane, stride)
     low = np.zeros((3, at.shape[1]))
@@ -217,12 +231,12 @@ def _direct(
     if stride == 1:
         return low.reshape(3, *size)
     places = [_strided(count, stride) for count in size]
-    low = low.reshape(3, len(places[0]), len(places[1]))
+    coarse = low.reshape(3, len(places[0]), len(places[1]))
     rows, columns = (
         np.stack([np.interp(np.arange(count), place, unit) for unit in np.eye(len(place))], axis=1)
         for count, place in zip(size, places, strict=True)
     )
-    return np.asarray(rows @ low @ columns.T)
+    return np.asarray(rows @ coarse @ columns.T)
 
 
 def _strided(count: int, stride: int) -> NDArray[np.float64]:
@@ -234,7 +248,9 @@ def _cells(plane: Plane, stride: int) -> NDArray[np.float64]:
     """Unit vectors (3, n) of the frame's cells, every so many."""
     view = plane.view
     v, u = (
-        ((_strided(-(-size // plane.pool), stride) if stride > 1 else np.arange(-(-size // plane.pool))) + 0.5) * plane.pool - size / 2
+        ((_strided(-(-size // plane.pool), stride) if stride > 1 else np.arange(-(-size // plane.pool))) + 0.5)
+        * plane.pool
+        - size / 2
         for size in (view.height_px, view.width_px)
     )
     down, right = np.meshgrid(v / view.focal_px, u / view.focal_px, indexing="ij")
@@ -244,7 +260,9 @@ def _cells(plane: Plane, stride: int) -> NDArray[np.float64]:
 
 def _far_table(mixture: Mixture, plane: Plane) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Density of far light at angles: (n,) and (3, n), alike in all directions."""
-    tables = [(part.kept(("table", plane), functools.partial(_table_of, part, plane)), weight) for part, weight in mixture]
+    tables = [
+        (part.kept(("table", plane), functools.partial(_table_of, part, plane)), weight) for part, weight in mixture
+    ]
     return tables[0][0][0], np.asarray(sum(weight * table[1] for table, weight in tables))
 
 
@@ -321,17 +339,20 @@ def _points(
 ) -> Float[Array, "3 y x"]:
     pixel = jnp.floor(place).astype(jnp.int32)
     made = windows(fine, fine_deg, pixel, place, view, reach)
-    down, right = ((place[:, k] - size / 2) / np.float32(view.focal_px) for k, size in enumerate((view.height_px, view.width_px)))
+    down, right = (
+        (place[:, k] - size / 2) / np.float32(view.focal_px) for k, size in enumerate((view.height_px, view.width_px))
+    )
     pixels_per_sr = (1 + down * down + right * right) ** 1.5 * np.float32(view.focal_px**2)
     # What stays is shared by the four pixels around, so that it moves smoothly.
     corner = jnp.floor(place - 0.5).astype(jnp.int32)
     beyond = place - 0.5 - corner
 
-    def add(k: int, image: Array) -> Array:
+    def add(k: Array, image: Array) -> Array:
         around = made.density[k, :, 0] * lux[k]
         stays = (all_near - made.given[k])[:, 0] * lux[k] * pixels_per_sr[k]
-        shares = jnp.outer(*(jnp.stack([1 - beyond[k, axis], beyond[k, axis]]) for axis in range(2)))
-        start = (0, *(corner[k, axis] - pixel[k, axis] + reach for axis in range(2)))
+        of_rows, of_columns = (jnp.stack([1 - beyond[k, axis], beyond[k, axis]]) for axis in range(2))
+        shares = of_rows[:, None] * of_columns
+        start = (jnp.int32(0), corner[k, 0] - pixel[k, 0] + reach, corner[k, 1] - pixel[k, 1] + reach)
         was = jax.lax.dynamic_slice(around, start, (3, 2, 2))
         around = jax.lax.dynamic_update_slice(around, was + stays[:, None, None] * shares, start)
         return added(image, around, pixel[k] - reach)
@@ -346,7 +367,11 @@ def without_glare(image: Float[Array, "3 y x"], lights: Sequence[Light], view: V
         ahead = towards(light)
         if ahead[2] <= 1e-3 or _is_large(light, view) or light.illuminance_lx <= 0:
             continue
-        place = np.array([ahead[1], ahead[0]]) / ahead[2] * view.focal_px + np.array([view.height_px, view.width_px]) / 2 - 0.5
+        place = (
+            np.array([ahead[1], ahead[0]]) / ahead[2] * view.focal_px
+            + np.array([view.height_px, view.width_px]) / 2
+            - 0.5
+        )
         corner = np.floor(place).astype(int)
         beyond = place - corner
         cd_m2 = light.illuminance_lx / _pixel_steradians(ahead, view) * colour_of(light.spectrum)

@@ -106,7 +106,9 @@ def _posed(observer: Observer, pose: Pose, pixels_per_deg: float, spectrum: str 
 
 def _moving(observer: Observer, pose: Pose, pixels_per_deg: float, spectrum: str | None) -> Part:
     """Of an eye in motion, made for it alone."""
-    return _wave_part(moving_kernel(observer, pose, pupil_steps(pose.pupil_diameter_mm)), observer, pixels_per_deg, spectrum)
+    return _wave_part(
+        moving_kernel(observer, pose, pupil_steps(pose.pupil_diameter_mm)), observer, pixels_per_deg, spectrum
+    )
 
 
 @functools.lru_cache(maxsize=64)
@@ -133,14 +135,21 @@ def wave_part(
     def cells(
         nm: NDArray[np.float64],
         weights: NDArray[np.float64],
-        per_deg: float,
+        pixels_per_deg: float,
         *,
         radius_px: int | None = None,
         wider: float = 1.0,
     ) -> tuple[NDArray[np.float64], float]:
         psf = _function(observer, pose, grid, multi_plane, double)
         return whole.wave_kernel(
-            psf, nm, weights, per_deg, *cie_veil(observer).parameters, radius_px=radius_px, wider=wider, scatter=observer.scatter
+            psf,
+            nm,
+            weights,
+            pixels_per_deg,
+            *cie_veil(observer).parameters,
+            radius_px=radius_px,
+            wider=wider,
+            scatter=observer.scatter,
         )
 
     return _wave_part(cells, observer, pixels_per_deg, spectrum, wavelengths)
@@ -156,7 +165,9 @@ def _wave_part(
     kernel: Kernel, observer: Observer, pixels_per_deg: float, spectrum: str | None, wavelengths: int | None = None
 ) -> Part:
     count = wavelengths or light_spectra.wavelengths_for(pixels_per_deg)
-    nm, weights = light_spectra.primary_weights(count) if spectrum is None else light_spectra.light_weights(spectrum, count)
+    nm, weights = (
+        light_spectra.primary_weights(count) if spectrum is None else light_spectra.light_weights(spectrum, count)
+    )
 
     def cells(per_deg: float, radius: int, wider: float) -> NDArray[np.float64]:
         found, _ = kernel(nm, weights, per_deg, radius_px=radius, wider=wider)
@@ -184,20 +195,23 @@ def _formula_cells(
 def _spe_parts(pixels_per_deg: float, seed: int) -> tuple[Part, ...]:
     """SPE's f0 … f3: the scattering with one set of flare lines, the halo with another and with its colours."""
 
-    def lined(cells: Callable[[float, int, float], NDArray[np.float64]], flare: Flare) -> Callable[..., NDArray[np.float64]]:
+    def with_flare(
+        cells: Callable[[float, int, float], NDArray[np.float64]], flare: Flare
+    ) -> Callable[..., NDArray[np.float64]]:
         def with_lines(per_deg: float, radius: int, wider: float) -> NDArray[np.float64]:
             plain = cells(per_deg, radius, wider)
             lines = _lines(seed, flare, pixels_per_deg, per_deg, radius)
             luminance = np.einsum("o,oijk->jk", LUMINANCE_WEIGHTS, plain) if len(plain) == 3 else plain[0, 0]
-            return plain * lines * float(luminance.sum() / (luminance * lines).sum())
+            lined = float((luminance * lines).sum())
+            return plain * lines * (float(luminance.sum()) / lined if lined else 1.0)
 
         return with_lines
 
     scattering = [
-        Part(lined(functools.partial(_formula_cells, function, ()), Flare.CORONA), Veil(function))
+        Part(with_flare(functools.partial(_formula_cells, function, ()), Flare.CORONA), Veil(function))
         for function in (analytic.f1, analytic.f2)
     ]
-    return formula_part(analytic.f0, ()), *scattering, Part(lined(_halo_cells, Flare.HALO), None)
+    return formula_part(analytic.f0, ()), *scattering, Part(with_flare(_halo_cells, Flare.HALO), None)
 
 
 def _lines(seed: int, flare: Flare, pixels_per_deg: float, per_deg: float, radius: int) -> NDArray[np.float64]:
@@ -206,7 +220,7 @@ def _lines(seed: int, flare: Flare, pixels_per_deg: float, per_deg: float, radiu
     reach = math.ceil(radius * size_px) + 2
     lines = flare_lines.flare_lines(seed, flare, reach, reach)
     if size_px > 1:
-        lines = uniform_filter(lines, size_px)
+        lines = uniform_filter(lines, round(size_px))
     at = np.arange(-radius, radius + 1) * size_px + reach
     return np.asarray(map_coordinates(lines, np.meshgrid(at, at, indexing="ij"), order=1))
 

@@ -80,10 +80,8 @@ class Plane:
 
     def distances(self) -> tuple[Reals, Reals]:
         """Down and right of all places of the FFT's plane from its first, both ways, in radians: (v, 1) and (1, u)."""
-        down, right = (
-            (np.arange(size) + size // 2) % size - size // 2 for size in (self.fft_height, self.fft_width)
-        )
-        return down[:, None] * self.step, right[None, :] * self.step
+        down, right = ((np.arange(size) + size // 2) % size - size // 2 for size in (self.fft_height, self.fft_width))
+        return np.asarray(down[:, None] * self.step), np.asarray(right[None, :] * self.step)
 
     def places(self, down: Reals, right: Reals) -> tuple[Reals, Reals, Reals]:
         """Row, column and c of directions, by their tangents downwards and to the right of the axis."""
@@ -122,8 +120,8 @@ def b_spline(place: Reals) -> tuple[NDArray[np.intp], Reals]:
 def plane_of(view: View, pool: int) -> Plane:
     """The plane of a view."""
     rows, columns = -(-view.height_px // pool), -(-view.width_px // pool)
-    down = ((np.arange(rows) + 0.5) * pool - view.height_px / 2)[:, None] / view.focal_px
-    right = ((np.arange(columns) + 0.5) * pool - view.width_px / 2)[None, :] / view.focal_px
+    down = np.asarray(((np.arange(rows) + 0.5) * pool - view.height_px / 2)[:, None] / view.focal_px)
+    right = np.asarray(((np.arange(columns) + 0.5) * pool - view.width_px / 2)[None, :] / view.focal_px)
     y, x, cosine = on_plane(down, right)
     step = pool / view.focal_px
     height, width = (2 * (math.ceil(float(np.abs(along).max()) / step) + MARGIN) + 1 for along in (y, x))

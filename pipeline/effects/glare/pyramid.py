@@ -104,9 +104,7 @@ def scattered_each(image: Float[Array, "c y x"], stencil: Stencil) -> list[Float
 def around(tap: tuple[int, int]) -> tuple[tuple[int, int], ...]:
     """All pixels that lie as far away as a tap: down and right."""
     near, far = tap
-    return tuple(
-        sorted({(sy * y, sx * x) for y, x in ((near, far), (far, near)) for sy in (1, -1) for sx in (1, -1)})
-    )
+    return tuple(sorted({(sy * y, sx * x) for y, x in ((near, far), (far, near)) for sy in (1, -1) for sx in (1, -1)}))
 
 
 def _sum(parts: list[Array]) -> Array:

@@ -18,7 +18,16 @@ from numpy.typing import NDArray
 
 from entoptic.pipeline.effects.glare.kernel import FALLS, TURNS, Mixed, Prepared
 from entoptic.pipeline.effects.glare.plane import Plane, Tables, gathered, read_off
-from entoptic.pipeline.effects.glare.pyramid import NEXT, WIDER, halved, raised, raised_linearly, scattered, scattered_each, to_cells
+from entoptic.pipeline.effects.glare.pyramid import (
+    NEXT,
+    WIDER,
+    halved,
+    raised,
+    raised_linearly,
+    scattered,
+    scattered_each,
+    to_cells,
+)
 from entoptic.pipeline.frame import View
 from entoptic.pipeline.measure import luminance
 
@@ -181,7 +190,8 @@ def blended(parts: Sequence[Array], weights: Array) -> Array:
     if len(parts) == 1:
         return parts[0]
     if len({part.shape[:2] for part in parts}) > 1:
-        parts = [part * jnp.eye(3)[:, :, *[None] * (part.ndim - 2)] if part.shape[0] == 1 else part for part in parts]
+        three = jnp.eye(3, dtype=jnp.float32)
+        parts = [part * three[:, :, *[None] * (part.ndim - 2)] if part.shape[0] == 1 else part for part in parts]
     return functools.reduce(jnp.add, [part * weight for part, weight in zip(parts, weights, strict=True)])
 
 
@@ -221,9 +231,7 @@ def _smooth(
 
 
 @functools.partial(jax.jit, static_argnames="view")
-def _as_is(
-    light: Float[Array, "3 y x"], low: Float[Array, "3 y x"], mixed: Mixed, view: View
-) -> Float[Array, "3 y x"]:
+def _as_is(light: Float[Array, "3 y x"], low: Float[Array, "3 y x"], mixed: Mixed, view: View) -> Float[Array, "3 y x"]:
     return low + _near(light, mixed, view)
 
 

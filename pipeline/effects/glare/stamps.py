@@ -43,7 +43,7 @@ class Window(NamedTuple):
     """All that other pixels get."""
 
 
-def reach_px(plane: Plane, row: Array, column: Array) -> Array:
+def reach_px(plane: Plane, row: Array | NDArray[np.floating], column: Array | NDArray[np.floating]) -> Array:
     """How far near light reaches from a pixel, in the direction away from the axis, in which it reaches furthest."""
     view = plane.view
     down, right = (row + 0.5 - view.height_px / 2) / view.focal_px, (column + 0.5 - view.width_px / 2) / view.focal_px
@@ -76,7 +76,7 @@ def lay_down(
     found, begins = np.unique(tiles, axis=0, return_index=True)
     begins = np.append(begins, len(tiles))
     middles = found * TILE_PX + TILE_PX // 2
-    classes = np.searchsorted(REACHES_PX, np.asarray(reach_px(plane, *(middles.T + np.array([[0.0], [0.0]])))))
+    classes = np.searchsorted(REACHES_PX, np.asarray(reach_px(plane, *middles.T.astype(np.float32))))
     for k in np.unique(classes[classes < len(REACHES_PX)]):
         mine = np.flatnonzero(classes == k)
         members = np.concatenate([np.arange(begins[t], begins[t + 1]) for t in mine])
@@ -107,9 +107,7 @@ def _padded(values: NDArray[np.generic], multiple: int, fill: float = 0) -> NDAr
     return result
 
 
-def _bank(
-    tiles: NDArray[np.intp], reach: int, plane: Plane, parts: Sequence[tuple[Part, Prepared, float]]
-) -> Window:
+def _bank(tiles: NDArray[np.intp], reach: int, plane: Plane, parts: Sequence[tuple[Part, Prepared, float]]) -> Window:
     """The windows of tiles, one after the other; more than there are tiles."""
     banks = [_bank_of(tiles, reach, plane, part, prepared) for part, prepared, _ in parts]
     if len(banks) == 1:
@@ -133,7 +131,7 @@ def _bank_of(tiles: NDArray[np.intp], reach: int, plane: Plane, part: Part, prep
         missing = list(map(tuple, tiles.tolist()))
     for begin in range(0, len(missing), AT_ONCE):
         some = np.array(missing[begin : begin + AT_ONCE])
-        middle = _padded(some, AT_ONCE) * TILE_PX + TILE_PX // 2
+        middle = np.asarray(_padded(some, AT_ONCE), np.int64) * TILE_PX + TILE_PX // 2
         made = windows(prepared.fine, fine_deg_of(plane), middle, middle + 0.5, plane.view, reach)
         for k, tile in enumerate(map(tuple, some.tolist())):
             kept[tile] = Window(made.density[k], made.given[k])
@@ -254,12 +252,16 @@ def _laid_down(
     return jax.lax.fori_loop(0, tiles, of_tile, image)
 
 
-def added(image: Float[Array, "3 y x"], around: Float[Array, "3 k k"], corner: Int[Array, "2"]) -> Float[Array, "3 y x"]:
+def added(
+    image: Float[Array, "3 y x"], around: Float[Array, "3 k k"], corner: Int[Array, "2"]
+) -> Float[Array, "3 y x"]:
     """A square added to an image, as much of it as lies in it. To be called within the caller's jitted function."""
     side = around.shape[1]
     size = tuple(min(side, whole) for whole in image.shape[1:])
+    corner = corner.astype(jnp.int32)
     start = [jnp.clip(corner[k], 0, image.shape[k + 1] - size[k]) for k in range(2)]
     wide = jnp.pad(around, ((0, 0), (side, side), (side, side)))
-    part = jax.lax.dynamic_slice(wide, (0, *(side + start[k] - corner[k] for k in range(2))), (3, *size))
-    was = jax.lax.dynamic_slice(image, (0, *start), (3, *size))
-    return jax.lax.dynamic_update_slice(image, was + part, (0, *start))
+    first = jnp.int32(0)
+    part = jax.lax.dynamic_slice(wide, (first, *(side + start[k] - corner[k] for k in range(2))), (3, *size))
+    was = jax.lax.dynamic_slice(image, (first, *start), (3, *size))
+    return jax.lax.dynamic_update_slice(image, was + part, (first, *start))

@@ -1,4 +1,4 @@
-// Draws over a frame, for each eye: where it looks, the window of its glare, and how far its lids are closed.
+// Draws over a frame, for each eye: where it looks and how far its lids are closed.
 
 const LIGHT = "#ffffff", DARK = "#000000";
 const CROSS_PX = 9, HALF_OPEN = 0.9;
@@ -16,7 +16,6 @@ export function drawMarks(context, place, shown, ratio) {
     context.rect(left, place.top, width, place.height);
     context.clip();
     context.lineWidth = ratio;
-    if (eye.window_px) window_(context, eye.window_px, left, place.top, scale, ratio);
     cross(context, left + eye.gaze_px[0] * scale, place.top + eye.gaze_px[1] * scale, ratio);
     lids(context, eye, left, place.top, width, place.height);
     context.restore();
@@ -43,12 +42,6 @@ function cross(context, x, y, ratio) {
       context.lineTo(x + dx * long, y + dy * long);
     }
   });
-}
-
-function window_(context, [left_px, top_px, width_px, height_px], left, top, scale, ratio) {
-  context.setLineDash([6 * ratio, 4 * ratio]);
-  twice(context, ratio, () => context.rect(left + left_px * scale, top + top_px * scale, width_px * scale, height_px * scale));
-  context.setLineDash([]);
 }
 
 function lids(context, eye, left, top, width, height) {

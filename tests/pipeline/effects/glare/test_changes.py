@@ -3,16 +3,18 @@
 import numpy as np
 import pytest
 from eye_contexts import glared
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from entoptic.pipeline import Frame, Glare, GlareLevel, GlareModel, Observer
+from entoptic.pipeline import Frame, GlareLevel, GlareModel, Observer
 from entoptic.pipeline.effects.glare import Mixture, bounds, mixture
 from entoptic.pipeline.measure import Measurement, luminance, measure
 from entoptic.pipeline.optics.aperture import Pose
 from entoptic.pipeline.ranges import Change
 
 OBSERVER = Observer()
+ROUNDING = 1e-6
+"""As a share of the frame's brightest."""
 CASES = {
     "wave, 2 mm": (GlareModel.WAVE, 2.0, 1.0),
     "wave, 5.1 mm": (GlareModel.WAVE, 5.1, 1.0),
@@ -22,7 +24,7 @@ CASES = {
     "CIE": (GlareModel.CIE, 5.0, 1.0),
     "IJspeert": (GlareModel.IJSPEERT, 3.1, 1.0),
 }
-LEVELS = (GlareLevel.VEIL, GlareLevel.SOURCES, GlareLevel.WINDOW, GlareLevel.FRAME)
+LEVELS = (GlareLevel.EIGHTH, GlareLevel.QUARTER, GlareLevel.HALF)
 
 
 def frames() -> dict[str, np.ndarray]:
@@ -44,15 +46,9 @@ def frames() -> dict[str, np.ndarray]:
     return made
 
 
-def actual(
-    frame: Frame, kernel: Mixture, case: str, gaze_px: tuple[float, float], level: GlareLevel
-) -> tuple[Measurement, np.ndarray]:
-    model, pupil_diameter_mm, _ = CASES[case]
+def actual(frame: Frame, kernel: Mixture, level: GlareLevel) -> tuple[Measurement, np.ndarray]:
     (measured,) = measure(frame)
-    image = glared(
-        frame.rgb_cd_m2[0], frame.view, kernel, OBSERVER, Pose(pupil_diameter_mm), Glare(model, level), gaze_px
-    )
-    return measured, image
+    return measured, glared(frame.rgb_cd_m2[0], frame.view, kernel, level)
 
 
 def by_tile(difference: np.ndarray, measured: Measurement) -> Change:
@@ -67,28 +63,31 @@ def by_tile(difference: np.ndarray, measured: Measurement) -> Change:
 @pytest.mark.parametrize("case", CASES)
 @pytest.mark.parametrize("level", LEVELS)
 def test_glare_changes_no_tile_by_more_than_is_said(case: str, level: GlareLevel) -> None:
+    model, pupil_diameter_mm, adapted_cd_m2 = CASES[case]
     for name, rgb in frames().items():
         frame = Frame.from_rgb(rgb, 26.0)
-        kernel = mixture(*CASES[case][:1], OBSERVER, Pose(CASES[case][1]), CASES[case][2], frame.view.ppd_centre)
-        for gaze_px in ((45.0, 50.0), (8.0, 90.0), (170.0, 50.0)):
-            measured, glared = actual(frame, kernel, case, gaze_px, level)
-            bound = bounds.reduced(kernel, measured, gaze_px, level) + bounds.veil(kernel, measured)
-            changed = by_tile(glared - np.asarray(frame.rgb_cd_m2[0], np.float64), measured)
-            rounding = 1e-6 * measured.range_cd_m2.high
-            assert (changed <= bound * (1 + 1e-4) + rounding).all(), (name, gaze_px, (changed / (bound + 1e-30)).max())
+        kernel = mixture(model, OBSERVER, Pose(pupil_diameter_mm), adapted_cd_m2, frame.view.ppd_centre)
+        measured, seen = actual(frame, kernel, level)
+        bound = bounds.skipped(kernel, measured)
+        changed = by_tile(seen - np.asarray(frame.rgb_cd_m2[0], np.float64), measured)
+        assert (changed <= bound + ROUNDING * measured.range_cd_m2.high.max()).all(), (
+            name,
+            (changed / (bound + 1e-30)).max(),
+        )
 
 
-@pytest.mark.parametrize("level", [GlareLevel.WINDOW, GlareLevel.FRAME])
-def test_the_veil_alone_differs_by_no_more_than_is_said(level: GlareLevel) -> None:
-    case = "wave, 5.1 mm"
+@pytest.mark.parametrize("level", [GlareLevel.EIGHTH, GlareLevel.QUARTER])
+def test_a_reduced_level_differs_by_no_more_than_is_said(level: GlareLevel) -> None:
     for name, rgb in frames().items():
         frame = Frame.from_rgb(rgb, 26.0)
         kernel = mixture(GlareModel.WAVE, OBSERVER, Pose(5.1), 1.0, frame.view.ppd_centre)
-        measured, full = actual(frame, kernel, case, (20.0, 30.0), level)
-        _, veil = actual(frame, kernel, case, (20.0, 30.0), GlareLevel.VEIL)
-        bound = bounds.reduced(kernel, measured, (20.0, 30.0), level)
-        rounding = 1e-6 * measured.range_cd_m2.high
-        assert (by_tile(full - veil, measured) <= bound * (1 + 1e-4) + rounding).all(), name
+        measured, full = actual(frame, kernel, GlareLevel.HALF)
+        _, less = actual(frame, kernel, level)
+        bound = bounds.reduced(kernel, measured, level, GlareLevel.HALF)
+        assert (by_tile(full - less, measured) <= bound + 1e-6 * measured.range_cd_m2.high).all(), (
+            name,
+            (by_tile(full - less, measured) / (bound + 1e-30)).max(),
+        )
 
 
 @given(
@@ -96,32 +95,31 @@ def test_the_veil_alone_differs_by_no_more_than_is_said(level: GlareLevel) -> No
     decades=st.floats(0, 8),
     grain=st.integers(1, 40),
     fov_deg=st.floats(5, 150),
-    gaze=st.tuples(st.floats(-40, 140), st.floats(-40, 120)),
     level=st.sampled_from(LEVELS),
 )
-def test_on_random_frames(
-    seed: int, decades: float, grain: int, fov_deg: float, gaze: tuple[float, float], level: GlareLevel
-) -> None:
+@settings(max_examples=25)
+def test_on_random_frames(seed: int, decades: float, grain: int, fov_deg: float, level: GlareLevel) -> None:
     random = np.random.default_rng(seed)
     coarse = 10 ** random.uniform(-decades / 2, decades / 2, (-(-80 // grain), -(-100 // grain), 3))
     frame = Frame.from_rgb(coarse.repeat(grain, 0).repeat(grain, 1)[:80, :100], fov_deg)
     kernel = mixture(GlareModel.CIE, OBSERVER, Pose(5.0), 1.0, frame.view.ppd_centre)
-    measured, glared = actual(frame, kernel, "CIE", gaze, level)
-    bound = bounds.reduced(kernel, measured, gaze, level) + bounds.veil(kernel, measured)
-    changed = by_tile(glared - np.asarray(frame.rgb_cd_m2[0], np.float64), measured)
-    assert (changed <= bound * (1 + 1e-4) + 1e-6 * measured.range_cd_m2.high).all()
+    measured, seen = actual(frame, kernel, level)
+    changed = by_tile(seen - np.asarray(frame.rgb_cd_m2[0], np.float64), measured)
+    bound = bounds.skipped(kernel, measured)
+    assert (changed <= bound + ROUNDING * measured.range_cd_m2.high.max()).all(), (
+        (changed / (bound + 1e-30)).max()
+    )
 
 
 def test_a_plain_wall_is_known_to_change_little_and_a_lamp_to_change_much_only_around_it() -> None:
     wall = Frame.from_rgb(np.full((200, 180, 3), 100.0), 104.0)
     kernel = mixture(GlareModel.WAVE, OBSERVER, Pose(3.0), 100.0, wall.view.ppd_centre)
-    measured = measure(wall)[0]
-    middle = bounds.reduced(kernel, measured, (90.0, 100.0), GlareLevel.FRAME)[3]
+    middle = bounds.skipped(kernel, measure(wall)[0])[3]
     rows, columns = middle.shape
-    assert middle[rows // 4 : -rows // 4, columns // 4 : -columns // 4].max() < 1e-3
+    # A wall that fills the view lacks what would come from beyond its edges.
+    assert middle[rows // 4 : -rows // 4, columns // 4 : -columns // 4].max() < 5
     rgb = np.full((200, 180, 3), 0.1)
     rgb[100, 90] = 1e4
-    lit = measure(Frame.from_rgb(rgb, 104.0))[0]
-    bound = bounds.reduced(kernel, lit, (90.0, 100.0), GlareLevel.FRAME)[3]
+    bound = bounds.skipped(kernel, measure(Frame.from_rgb(rgb, 104.0))[0])[3]
     assert bound.max() > 100
-    assert bound[:5].max() < 0.1
+    assert bound[:5].max() < bound.max() / 3
