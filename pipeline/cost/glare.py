@@ -121,7 +121,7 @@ def run(effort: Effort, rounds: int, done: Callable[[str], None] = lambda label:
     """Measures every setting on every scene; `done` is told of each call that has ended."""
     rows: list[Row] = []
     for scene in effort.scenes():
-        truth = _truth(scene, _new(OBSERVER, Pose(PUPIL_MM), double=True, wavelengths=effort.truth_count))
+        truth = _truth(scene, _new(OBSERVER, Pose(PUPIL_MM), fresh=True, wavelengths=effort.truth_count))
         done("truth")
         for settings, turns in _settings(effort, rounds):
             rows += compare(settings, scene, truth, "the direct sum", turns, done)
@@ -201,7 +201,7 @@ def _settings(effort: Effort, rounds: int) -> Iterator[tuple[list[Setting], int]
 def _pupil(pupil_diameter_mm: float, scene: CostScene, rounds: int, done: Callable[[str], None]) -> list[Row]:
     """A kernel blended of two pupils' against one made for the pupil."""
     pose, mm = Pose(pupil_diameter_mm), f"{pupil_diameter_mm:g} mm"
-    truth = _truth(scene, _new(OBSERVER, pose, double=True, wavelengths=None))
+    truth = _truth(scene, _new(OBSERVER, pose, fresh=True, wavelengths=None))
     done(mm)
     pair = [
         Setting(f"two pupils blended, {mm}", [PUPILS], _image(_at_hand(pose))),

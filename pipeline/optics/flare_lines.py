@@ -69,7 +69,8 @@ def with_flare_lines(kernel: NDArray[np.float64], lines: NDArray[np.float64]) ->
     halo is but a pixel or two wide, is scaled away.
     """
     drawn = kernel * lines
-    return drawn * (kernel.sum(axis=(-2, -1), keepdims=True) / drawn.sum(axis=(-2, -1), keepdims=True))
+    was, now = (of.sum(axis=(-2, -1), keepdims=True) for of in (kernel, drawn))
+    return np.asarray(drawn * np.divide(was, now, out=np.ones_like(was), where=now != 0))
 
 
 def _smooth_step(position: NDArray[np.float64]) -> NDArray[np.float64]:

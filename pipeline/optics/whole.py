@@ -139,13 +139,15 @@ def fresh_wave_kernel(
     age_years: float,
     pigmentation: float,
     *,
+    radius_px: int | None = None,
+    wider: float = 1.0,
     scatter: ScatterShares = RIT_SHARES,
 ) -> tuple[NDArray[np.float64], float]:
     """The same with an FFT for each wavelength: `light` is the n × n function at a wavelength in nm."""
-    cells = Cells(tuple(nm.tolist()), weights.tobytes(), weights.shape, pixels_per_deg, None, 1.0)
+    cells = Cells(tuple(nm.tolist()), weights.tobytes(), weights.shape, pixels_per_deg, radius_px, wider)
     eye = Straylight(age_years, pigmentation, scatter)
     used, taper = _field(n)
-    radius_px = spectrum.kernel_radius_px(used, pixels_per_deg)
+    radius_px = min(spectrum.kernel_radius_px(used, pixels_per_deg), cells.reach_px)
     of_core = core_weights(n, cells, eye)
     core = spectrum.fresh_kernel(light, nm, of_core, pixels_per_deg, taper=taper, radius_px=radius_px)
     return joined(core, n, cells, eye)

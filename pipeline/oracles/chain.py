@@ -20,7 +20,7 @@ def perceived(
 ) -> tuple[NDArray[np.uint8], dict[str, float]]:
     """An image (3, y, x) as code values (y, x, 3), seen straight ahead by an adapted eye; and each effect's ms.
 
-    `glare` is a plain.glare.PreparedFft, or the identity.
+    `glare` is sphere.glare with a function, or the identity.
     """
     milliseconds: dict[str, float] = {}
 

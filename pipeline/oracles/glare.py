@@ -38,7 +38,7 @@ glare beyond."""
 def of_eye(
     light: ArrayLike, eye: EyeContext, mixture: Mixture, model: str, ceiling_cd_m2: float | None = None
 ) -> Reals:
-    """One eye's image (3, y, x) in cd/m² with glare of its pixels' light. `mixture` is what its function is sampled of."""
+    """One eye's image (3, y, x) in cd/m² with glare of its pixels. `mixture` is what its function is sampled of."""
     values = np.asarray(light, np.float64)
     function = function_of(eye, mixture, model)
     if ceiling_cd_m2 is None:

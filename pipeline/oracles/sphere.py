@@ -5,7 +5,7 @@ angles those of pixels' four corners. Nothing is pooled, projected or convolved.
 but for the pixels around one, where it is averaged over the pixel; what a pixel keeps is what all others do not get.
 
 The azimuth of a function that is not alike all round is carried by parallel transport along great circles through the
-view's axis: a direction at a place is that of the great circle to the other place, less the turn of the one to the axis.
+view's axis.
 """
 
 from __future__ import annotations

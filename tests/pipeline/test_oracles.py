@@ -13,13 +13,8 @@ from entoptic.pipeline.effects import adaptation as own_adaptation
 from entoptic.pipeline.effects import night_colour as own_night_colour
 from entoptic.pipeline.effects import tone as own_tone
 from entoptic.pipeline.effects.encode import srgb_codes
-from entoptic.pipeline.effects.glare.kernel import component
-from entoptic.pipeline.effects.glare.models import GlareModel, mixture
 from entoptic.pipeline.frame import Display, View
-from entoptic.pipeline.observer import Observer
-from entoptic.pipeline.optics.aperture import Pose
-from entoptic.pipeline.oracles import acuity, adaptation, chain, glare_fft, night_colour, tone
-from entoptic.pipeline.oracles.glare import of_mixture, reference_glare
+from entoptic.pipeline.oracles import acuity, adaptation, chain, night_colour, tone
 
 VIEW = View(40, 36, 60.0)
 
@@ -80,27 +75,6 @@ def test_a_grey_in_the_dark_has_the_tint() -> None:
     np.testing.assert_allclose(
         night_colour.night_tint(grey, 1e-9)[:, 0, 0], 0.3 * np.array(night_colour.TINT), rtol=1e-6
     )
-
-
-class TestGlare:
-    def test_a_narrow_kernel_blurs_by_itself(self) -> None:
-        spot = np.outer([0.25, 0.5, 0.25], [0.25, 0.5, 0.25])
-        kernel = ((component(spot, None, 0.0), 1.0),)
-        point = np.zeros((3, 36, 40))
-        point[1, 20, 11] = 8.0
-        seen = glare_fft.prepare(VIEW, kernel)(point)
-        np.testing.assert_allclose(seen[1, 19:22, 10:13], 8 * spot, atol=1e-6)
-        assert abs(seen).sum() == pytest.approx(8.0, rel=1e-6)
-
-    def test_it_agrees_with_the_reference(self) -> None:
-        """Which sums at true angles: an analytic eye, a frame with lamps."""
-        frame = scenes.lamps_over_dark(12).frame
-        kernel = mixture(GlareModel.CIE, Observer(), Pose(5.0), 1.0, frame.view.ppd_centre)
-        rgb = np.asarray(frame.rgb_cd_m2[0], np.float64)
-        plain = glare_fft.prepare(frame.view, kernel)(rgb)
-        truth = reference_glare(rgb, frame.view, *of_mixture(kernel))
-        assert np.linalg.norm(plain - truth) < 1e-4 * np.linalg.norm(truth)
-        assert np.median(np.abs(plain / truth - 1)) < 0.01
 
 
 def test_the_programs_effects_in_a_row_are_the_plain_ones() -> None:

@@ -144,7 +144,7 @@ def _rings(part: Part, measured: Measurement, off: Off) -> NDArray[np.float64]:
 
 
 def _beyond(part: Part, off: Off) -> NDArray[np.float64]:
-    """What is scattered beyond each of ANGLES_DEG, as far off as said: (4, 3, angle), to R, G, B and Y from each channel."""
+    """What is scattered beyond each of ANGLES_DEG, as far off as said: (4, 3, angle), to R, G, B, Y of each channel."""
     deg, light = part.kept("strewn", functools.partial(_strewn, part))
     counted = light * np.where(deg < off[2], off[0], off[1])
     order = np.searchsorted(ANGLES_DEG, deg)

@@ -10,8 +10,8 @@ in the plane and over a few pixels of the finer levels (pyramid.py), each from w
 
 **Scales.** An angle θ is a distance d in the plane times c₁·c₂ = g. So K(θ) has no one shape in the plane. It is taken
 as g^−FALLS·(A(d) + g^TURNS·B(d)), exact where g is the largest that two directions this far apart can have and where
-it is the least of the view, and close in between, since glare falls as a power of the angle: from θ^−2.7 near the axis to
-θ^−1.5 far off. c₁ and c₂ then weigh the light that goes to the plane and what comes back.
+it is the least of the view, and close in between, since glare falls as a power of the angle: from θ^−2.7 near the axis
+to θ^−1.5 far off. c₁ and c₂ then weigh the light that goes to the plane and what comes back.
 """
 
 from __future__ import annotations

@@ -38,7 +38,7 @@ SPOTS = (
 )
 """Points of a disc of radius 1: with them its light spreads as far, in the root mean square, as the disc's."""
 STRIDE = 8
-"""Of a light far outside the view, the glare is computed at every so many cells. Engineering choice: it is smooth there."""
+"""Glare of lights far outside the view is computed at every so many cells. Engineering choice: it is smooth there."""
 CLOSE_STRIDES = 4
 """Strides from the view up to which a light is not far outside it."""
 ANGLES = 400
@@ -58,7 +58,7 @@ class Points:
 def placed(
     lights: Sequence[Light], view: View, observer: Observer, pose: Pose, ceiling_cd_m2: float | None = None
 ) -> list[Points]:
-    """Lights that are not drawn with the pixels, by their spectra. Of those above a ceiling, only what lies above it."""
+    """Lights that are not drawn with the pixels, by their spectra; with a ceiling, only what lies above it."""
     by_spectrum: dict[str, list[tuple[NDArray[np.float64], float]]] = defaultdict(list)
     for light in lights:
         if light.illuminance_lx > 0 and not _is_large(light, view):
@@ -362,7 +362,7 @@ def _points(
 
 def without_glare(image: Float[Array, "3 y x"], lights: Sequence[Light], view: View) -> Float[Array, "3 y x"]:
     """A frame with lights of their own as they are where nothing scatters them, in the pixels that they fall into."""
-    image = drawn(image, lights, view)
+    image = drawn(jnp.asarray(image), lights, view)
     for light in lights:
         ahead = towards(light)
         if ahead[2] <= 1e-3 or _is_large(light, view) or light.illuminance_lx <= 0:

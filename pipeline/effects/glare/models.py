@@ -12,7 +12,6 @@ from scipy.ndimage import map_coordinates, uniform_filter
 
 from entoptic.described import DescribedEnum
 from entoptic.pipeline.effects.glare.kernel import Formula, Mixture, Part, Veil
-from entoptic.pipeline.frame import LUMINANCE_WEIGHTS
 from entoptic.pipeline.observer import Observer
 from entoptic.pipeline.optics import analytic, flare_lines, light_spectra, radial, whole
 from entoptic.pipeline.optics.aperture import Pose, legal_pupil_diameter_mm
@@ -99,8 +98,8 @@ def cie_veil(observer: Observer) -> Veil:
 
 @functools.lru_cache(maxsize=4)
 def _posed(observer: Observer, pose: Pose, pixels_per_deg: float, spectrum: str | None) -> Part:
-    """Of an eye that holds still, but not at rest: squinting. It has the pupil's own diameter: in an eye in motion those
-    at other diameters would never serve again."""
+    """Of an eye that holds still, but not at rest: squinting. It has the pupil's own diameter, since those at other
+    diameters would never serve again."""
     return _moving(observer, pose, pixels_per_deg, spectrum)
 
 
@@ -127,10 +126,14 @@ def wave_part(
     wavelengths: int | None = None,
     multi_plane: bool = False,
     double: bool = False,
+    fresh: bool = False,
 ) -> Part:
     """By wave optics: one function at 575 nm of a `grid` × `grid` pupil plane, in float64 if `double`, serves all
-    `wavelengths`, by default as many as pixels of this size need.
+    `wavelengths`, by default as many as pixels of this size need. With `fresh` each has an FFT of its own, in float64.
     """
+
+    def light(wavelength_nm: float) -> NDArray[np.float64]:
+        return monochromatic(observer, pose, grid, wavelength_nm=wavelength_nm, double=True)
 
     def cells(
         nm: NDArray[np.float64],
@@ -140,17 +143,12 @@ def wave_part(
         radius_px: int | None = None,
         wider: float = 1.0,
     ) -> tuple[NDArray[np.float64], float]:
+        eye = cie_veil(observer).parameters
+        reach = {"radius_px": radius_px, "wider": wider, "scatter": observer.scatter}
+        if fresh:
+            return whole.fresh_wave_kernel(light, grid, nm, weights, pixels_per_deg, *eye, **reach)
         psf = _function(observer, pose, grid, multi_plane, double)
-        return whole.wave_kernel(
-            psf,
-            nm,
-            weights,
-            pixels_per_deg,
-            *cie_veil(observer).parameters,
-            radius_px=radius_px,
-            wider=wider,
-            scatter=observer.scatter,
-        )
+        return whole.wave_kernel(psf, nm, weights, pixels_per_deg, *eye, **reach)
 
     return _wave_part(cells, observer, pixels_per_deg, spectrum, wavelengths)
 
@@ -199,11 +197,8 @@ def _spe_parts(pixels_per_deg: float, seed: int) -> tuple[Part, ...]:
         cells: Callable[[float, int, float], NDArray[np.float64]], flare: Flare
     ) -> Callable[..., NDArray[np.float64]]:
         def with_lines(per_deg: float, radius: int, wider: float) -> NDArray[np.float64]:
-            plain = cells(per_deg, radius, wider)
             lines = _lines(seed, flare, pixels_per_deg, per_deg, radius)
-            luminance = np.einsum("o,oijk->jk", LUMINANCE_WEIGHTS, plain) if len(plain) == 3 else plain[0, 0]
-            lined = float((luminance * lines).sum())
-            return plain * lines * (float(luminance.sum()) / lined if lined else 1.0)
+            return flare_lines.with_flare_lines(cells(per_deg, radius, wider), lines)
 
         return with_lines
 

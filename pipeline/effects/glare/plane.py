@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import dataclasses
 import functools
+import itertools
 import math
 from typing import NamedTuple
 
@@ -97,7 +98,7 @@ def on_plane(down: Reals, right: Reals) -> tuple[Reals, Reals, Reals]:
 
 
 def pixel_solid_angles(down: Reals, right: Reals, pool: int, focal_px: float) -> Reals:
-    """Of a pixel, in sr, on average over cells of `pool` × `pool` pixels around tangents: exact to their four corners."""
+    """Of a pixel, in sr, on average over cells of `pool` × `pool` pixels around tangents, exact."""
     half = pool / 2 / focal_px
 
     def corner(v: Reals, u: Reals) -> Reals:
@@ -165,7 +166,7 @@ def _gathers(
     begin = np.cumsum(count) - count
     limits = np.unique(np.concatenate([[0], np.percentile(count[count > 0], ZONES[1:]).astype(int)]))
     zones, place, reached = [], np.full(height * width, -1), 0
-    for low, high in zip(limits[:-1], limits[1:], strict=True):
+    for low, high in itertools.pairwise(limits):
         cells = np.flatnonzero((count > low) & (count <= high))
         taps = np.arange(high)[:, None]
         there = taps < count[cells]

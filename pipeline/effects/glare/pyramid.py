@@ -1,8 +1,9 @@
 """A frame at half its resolution, at a quarter and so on; and back, added up.
 
-Down, by boxes; the last step to the plane's cells by linear weights, so that light keeps its place where it lies between
-two cells. Up, by cubic interpolation (Catmull and Rom 1974), which leaves what is straight as it is. On the way up each
-level adds what light scatters over a few of its own pixels: the finer, the nearer.
+Down, by boxes; the last step to the plane's cells by linear weights, so that light keeps its place where it lies
+between two cells. Up, by cubic interpolation (Catmull and Rom 1974), which leaves what is straight as it is, and to the
+pixels themselves by linear weights. On the way up each level adds what light scatters over a few of its own pixels: the
+finer, the nearer.
 """
 
 from __future__ import annotations
@@ -84,7 +85,7 @@ def raised_linearly(image: Float[Array, "c y x"]) -> Float[Array, "c y x"]:
 
 
 def scattered(image: Float[Array, "c y x"], stencil: Stencil, weights: Sequence[Array]) -> Float[Array, "c y x"]:
-    """What pixels around each one scatter to it, if each tap's weight is that of one of the pixels that it stands for."""
+    """What pixels around each one scatter to it; a tap's weight is that of one of the pixels that it stands for."""
     return _sum([weight * part for weight, part in zip(weights, scattered_each(image, stencil), strict=True)])
 
 

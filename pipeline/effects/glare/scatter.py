@@ -33,6 +33,9 @@ CHOICES = {
 the median and 3 % at nine pixels of ten; more takes longer than the level itself."""
 
 
+RESTING = Pose(4.0)
+
+
 def plane_for(view: View, level: GlareLevel) -> Plane:
     """The plane of a view at a level."""
     pool = POOLS[level]
@@ -49,7 +52,7 @@ def glare(
     ceiling_cd_m2: float | None = None,
     own_lights: Sequence[Light] = (),
     observer: Observer = Observer(),
-    pose: Pose = Pose(4.0),
+    pose: Pose = RESTING,
 ) -> Float[Array, "3 y x"]:
     """An image in cd/m² with the glare of all its light, or of that above a ceiling, and of lights of their own.
 

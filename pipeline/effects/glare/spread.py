@@ -91,8 +91,8 @@ def arrives(
 ) -> Float[Array, "3 row column"]:
     """What the plane brings to each of a frame's cells, in cd/m².
 
-    Far light of all `cells`; near light of the `rest` where cells are pixels, else the levels have it. `further` is the plane's own light from elsewhere, as
-    `on_plane` gives it.
+    Far light of all `cells`; near light of the `rest` where cells are pixels, else the levels have it. `further` is the
+    plane's own light from elsewhere, as `scattered_on_plane` gives it.
     """
     size = plane.height, plane.width, plane.fft_height, plane.fft_width
     spectra = [(part.high, part.turning, part.near) for part in parts]
@@ -119,18 +119,16 @@ def _arrives(
     size: Size,
     pool: int,
 ) -> Float[Array, "3 row column"]:
-    height, width, *_ = size
     both = cells if spectra[0][2] is None else jnp.concatenate([cells, rest])
     flux = both * (tables.solid_angle * np.float32(pool * pool))
     falling = cosines ** np.float32(-FALLS)
-    on_plane = gathered(flux, tables, height) * falling
+    on_plane = gathered(flux, tables, size[0]) * falling
     high, turning = (blended([part[k] for part in spectra], weights) for k in range(2))
     near = None if spectra[0][2] is None else blended([part[2] for part in spectra], weights)
     result = scattered_on_plane(on_plane[:3], cosines, high, turning, size, on_plane[3:], near)
     if further is not None:
         result = result + further
-    low = read_off(result * falling, tables)
-    return low
+    return read_off(result * falling, tables)
 
 
 def scattered_on_plane(

@@ -106,9 +106,7 @@ def test_on_random_frames(seed: int, decades: float, grain: int, fov_deg: float,
     measured, seen = actual(frame, kernel, level)
     changed = by_tile(seen - np.asarray(frame.rgb_cd_m2[0], np.float64), measured)
     bound = bounds.skipped(kernel, measured)
-    assert (changed <= bound + ROUNDING * measured.range_cd_m2.high.max()).all(), (
-        (changed / (bound + 1e-30)).max()
-    )
+    assert (changed <= bound + ROUNDING * measured.range_cd_m2.high.max()).all(), (changed / (bound + 1e-30)).max()
 
 
 def test_a_plain_wall_is_known_to_change_little_and_a_lamp_to_change_much_only_around_it() -> None:
