@@ -72,10 +72,10 @@ class GlareEffect(Effect[Glare, None]):
     Settings = Glare
     seen_by_threshold = True
     costs: Mapping[str, Cost] = {
-        "eighth": Cost(10.0, 8.0),
-        "quarter": Cost(15.0, 15.0),
-        "half": Cost(15.0, 30.0),
-        "full": Cost(15.0, 120.0),
+        "eighth": Cost(12.0, 10.5),
+        "quarter": Cost(12.0, 20.8),
+        "half": Cost(12.0, 62.8),
+        "full": Cost(12.0, 290.0),
     }
 
     def full_level(self, settings: Glare) -> str:
@@ -155,7 +155,8 @@ class GlareEffect(Effect[Glare, None]):
         return bounds.propagate(changes.image, self.prepared(eye).kernel)
 
     def ranges_after(self, ranges: TileRanges, hidden: Change, eye: EyeContext, settings: Glare) -> Range:
-        return bounds.after(eye.measured, hidden, bounds.least_stays(self.prepared(eye).kernel, eye.view))
+        prepared = self.prepared(eye)
+        return bounds.after(prepared.kernel, eye.measured, hidden, prepared.ceiling_cd_m2)
 
     def reason(self, eye: EyeContext, settings: Glare) -> str:
         count = len(eye.measured.sources)

@@ -9,6 +9,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
+from numpy.typing import NDArray
 
 from entoptic.pipeline.effects.glare.plane import Plane
 from entoptic.pipeline.effects.glare.spread import Apart
@@ -38,8 +39,7 @@ def standing_out(
     around = _mean_around(luminance(cells))
     peaks = luminance(_maxima(light, pool))
     ratio = jnp.where(around > 0, peaks / jnp.where(around > 0, around, 1), 0)
-    rows, columns = (jnp.arange(size) for size in ratio.shape)
-    ratio = jnp.where(_within(plane, rows[:, None] * pool, columns[None, :] * pool), ratio, 0)
+    ratio = jnp.where(_within(plane), ratio, 0)
     size = choice.most // 2 if pool > 1 else choice.most
     cell = jnp.nonzero(ratio.ravel() > _threshold(ratio, choice, size), size=size, fill_value=ratio.size)[0]
     row, column = cell // ratio.shape[1], cell % ratio.shape[1]
@@ -58,8 +58,12 @@ def standing_out(
     return Apart(y, x, colour.at[:, chosen].get(mode="fill", fill_value=0))
 
 
-def _within(plane: Plane, row: Array, column: Array) -> Array:
-    return reach_px(plane, row + plane.pool / 2, column + plane.pool / 2) <= REACHES_PX[-1] - plane.pool * 4
+def _within(plane: Plane) -> NDArray[np.bool_]:
+    """Cells whose near light reaches no further than windows do."""
+    rows, columns = (np.arange(size) * plane.pool + plane.pool / 2 for size in plane.tables.corner.shape)
+    with jax.ensure_compile_time_eval():
+        reach = reach_px(plane, rows[:, None].astype(np.float32), columns[None].astype(np.float32))
+        return np.asarray(reach) <= REACHES_PX[-1] - plane.pool * 4
 
 
 def _threshold(ratio: Array, choice: Choice, most: int) -> Array:

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from entoptic.pipeline.effects.glare.kernel import Mixture, Part, far_deg
 from entoptic.pipeline.effects.glare.scatter import plane_for
 from entoptic.pipeline.effects.glare.settings import GlareLevel
-from entoptic.pipeline.frame import LUMINANCE_WEIGHTS, View
+from entoptic.pipeline.frame import LUMINANCE_WEIGHTS
 from entoptic.pipeline.measure import Measurement
 from entoptic.pipeline.optics import radial
 from entoptic.pipeline.ranges import Change, Range
@@ -60,12 +60,34 @@ def reduced(
     return total
 
 
-def after(measured: Measurement, change: Change, stays: float) -> Range:
-    """What may stand in each tile once glare has run: of luminance at least what stays in its pixel."""
+def after(mixture: Mixture, measured: Measurement, hidden: Change, ceiling_cd_m2: float | None = None) -> Range:
+    """What may stand in each tile whether glare has run or not; `hidden` is what it may change.
+
+    A pixel is afterwards between its own light and that of the pixels around, each in its share: no brighter than the
+    brightest pixel of its tile with the brightest of each ring around it.
+    """
     range_ = measured.range_cd_m2
-    wide = range_.widened(change)
-    wide.low[3] = np.maximum(wide.low[3], stays * range_.low[3])
-    return wide
+    if ceiling_cd_m2 is not None:
+        return range_.widened(hidden)
+    beyond = _beyond_rings(mixture, measured, ALL)
+    of_luminance = beyond[:, 3] / np.array(LUMINANCE_WEIGHTS)[:, None, None]
+    own = np.stack([*(beyond[:, i, i] for i in range(3)), of_luminance.max(axis=1)], axis=1)
+    across = beyond.copy()
+    for i in range(3):
+        across[:, i, i] = 0
+    across[:, 3] = (own[:, 3:] - of_luminance) * np.array(LUMINANCE_WEIGHTS)[:, None, None]
+    low, high = range_.low.copy(), range_.high.copy()
+    ring_low, ring_high = _dark_at_edges(range_.low, measured), range_.high
+    before_low, before_high, before = np.zeros_like(low), np.zeros_like(high), np.zeros_like(high[:3])
+    for k in range(len(beyond)):
+        ring_low, ring_high = _wider(ring_low, ring_high, k)
+        less, more = np.maximum(range_.low - ring_low, 0), np.maximum(ring_high - range_.high, 0)
+        strayed = np.einsum("oiyx,iyx->oyx", across[k], ring_high[:3] - before)
+        low -= own[k] * (less - before_low) + strayed
+        high += own[k] * (more - before_high) + strayed
+        before_low, before_high, before = less, more, ring_high[:3]
+    swing = SWING * hidden.max(axis=0)
+    return Range(np.maximum(low - swing, 0), high + swing, range_.tile_px)
 
 
 def propagate(change: Change, mixture: Mixture) -> Change:
@@ -74,43 +96,44 @@ def propagate(change: Change, mixture: Mixture) -> Change:
     return np.broadcast_to((gain @ change[:3].max(axis=(1, 2)))[:, None, None], change.shape)
 
 
-def least_stays(mixture: Mixture, view: View) -> float:
-    """Least share of a point's luminance that stays in its pixel, whatever else is scattered to it."""
-    deg = math.degrees(NEXT_PX / view.focal_px) / (1 + _farthest_px(view) ** 2 / view.focal_px**2)
-    left = sum(
-        weight * np.array([[np.interp(deg, ANGLES_DEG, one) for one in of] for of in _beyond(part, ALL)[3:]])
-        for part, weight in mixture
-    )
-    return max(float((1 - left / np.array(LUMINANCE_WEIGHTS)).min()), 0.0)
-
-
 def _change(mixture: Mixture, measured: Measurement, ceiling_cd_m2: float | None, off: Off) -> Change:
     range_ = measured.range_cd_m2
     low, high = range_.low[:3], range_.high[:3]
     if ceiling_cd_m2 is not None:
         low, high = np.zeros_like(low), np.where(range_.high[3] > ceiling_cd_m2, high, 0)
-    of_parts = [
-        weight
-        * part.kept(("rings", measured.view, range_.tile_px, off), functools.partial(_rings, part, measured, off))
-        for part, weight in mixture
-    ]
-    beyond = of_parts[0] if len(of_parts) == 1 else np.sum(of_parts, axis=0)
-    ring_low, ring_high = low.copy(), high
-    # A tile that the frame's edge cuts is dark beyond it.
-    if measured.view.height_px % range_.tile_px:
-        ring_low[:, -1] = 0
-    if measured.view.width_px % range_.tile_px:
-        ring_low[:, :, -1] = 0
+    ring_low, ring_high = _dark_at_edges(low, measured), high
     change, before = np.zeros_like(range_.low), np.zeros_like(low)
-    for k, of_ring in enumerate(beyond):
-        ring_low, ring_high = (
-            _grown(ring_low, np.minimum, 2 ** max(k - 1, 0)),
-            _grown(ring_high, np.maximum, 2 ** max(k - 1, 0)),
-        )
+    for k, of_ring in enumerate(_beyond_rings(mixture, measured, off)):
+        ring_low, ring_high = _wider(ring_low, ring_high, k)
         apart = np.maximum(ring_high - low, high - ring_low)
         change += np.einsum("oiyx,iyx->oyx", of_ring, apart - before)
         before = apart
     return np.asarray(change + SWING * change.max(axis=0))
+
+
+def _beyond_rings(mixture: Mixture, measured: Measurement, off: Off) -> NDArray[np.float64]:
+    """What is scattered beyond where each ring begins: (ring, 4, 3, row, column)."""
+    key = "rings", measured.view, measured.range_cd_m2.tile_px, off
+    of_parts = [weight * part.kept(key, functools.partial(_rings, part, measured, off)) for part, weight in mixture]
+    return np.asarray(of_parts[0] if len(of_parts) == 1 else np.sum(of_parts, axis=0))
+
+
+def _dark_at_edges(low: NDArray[np.float64], measured: Measurement) -> NDArray[np.float64]:
+    """A tile that the frame's edge cuts is dark beyond it."""
+    low = low.copy()
+    if measured.view.height_px % measured.range_cd_m2.tile_px:
+        low[:, -1] = 0
+    if measured.view.width_px % measured.range_cd_m2.tile_px:
+        low[:, :, -1] = 0
+    return low
+
+
+def _wider(
+    low: NDArray[np.float64], high: NDArray[np.float64], ring: int
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Ranges that reach as far as a ring, from those of the one within."""
+    tiles = 2 ** max(ring - 1, 0)
+    return _grown(low, np.minimum, tiles), _grown(high, np.maximum, tiles)
 
 
 def _grown(values: NDArray[np.float64], fold: Callable[..., NDArray[np.float64]], tiles: int) -> NDArray[np.float64]:
@@ -180,7 +203,3 @@ def _gain(part: Part) -> NDArray[np.float64]:
     """(4, 3): what arrives at most in red, green, blue and luminance of a unit of each channel all over."""
     _, light = part.kept("strewn", functools.partial(_strewn, part))
     return np.asarray(light.sum(axis=2))
-
-
-def _farthest_px(view: View) -> float:
-    return math.hypot(view.width_px, view.height_px) / 2

@@ -5,6 +5,7 @@ from __future__ import annotations
 import functools
 import math
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -144,7 +145,7 @@ def wave_part(
         wider: float = 1.0,
     ) -> tuple[NDArray[np.float64], float]:
         eye = cie_veil(observer).parameters
-        reach = {"radius_px": radius_px, "wider": wider, "scatter": observer.scatter}
+        reach: dict[str, Any] = {"radius_px": radius_px, "wider": wider, "scatter": observer.scatter}
         if fresh:
             return whole.fresh_wave_kernel(light, grid, nm, weights, pixels_per_deg, *eye, **reach)
         psf = _function(observer, pose, grid, multi_plane, double)

@@ -25,8 +25,8 @@ FEWEST_CELLS = 48
 nothing to speak of."""
 CHOICES = {
     GlareLevel.EIGHTH: Choice(16, 512),
-    GlareLevel.QUARTER: Choice(4, 2048),
-    GlareLevel.HALF: Choice(4, 2048),
+    GlareLevel.QUARTER: Choice(6, 1024),
+    GlareLevel.HALF: Choice(6, 1024),
     GlareLevel.FULL: Choice(4, 1024),
 }
 """What stands out at each level. Engineering choice: the least that keeps a street at night within 1 % of the truth at
