@@ -4,8 +4,8 @@ A pixel gives away a share of its own light and gets the same shares of the ligh
 than the sum, over rings around it, of what the eye scatters there times how far the light there can differ from its
 own. A plain wall hardly changes; a wall beside a lamp does. Beyond the frame's edge it is dark.
 
-Rings are squares of tiles. What is scattered beyond a number of pixels is what is scattered beyond the least angle that
-so many pixels are anywhere around: more than there is, but never less.
+Rings are squares of tiles. What is scattered beyond a square is the mean of what is scattered beyond its border in each
+direction; the four in which it is nearest say more than there is, but never less.
 """
 
 from __future__ import annotations
@@ -132,7 +132,8 @@ def _wider(
     low: NDArray[np.float64], high: NDArray[np.float64], ring: int
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Ranges that reach as far as a ring, from those of the one within."""
-    tiles = 2 ** max(ring - 1, 0)
+    reaches = [0, *_reaches(max(low.shape[1:]))]
+    tiles = reaches[ring + 1] - reaches[ring]
     return _grown(low, np.minimum, tiles), _grown(high, np.maximum, tiles)
 
 
@@ -156,14 +157,24 @@ def _rings(part: Part, measured: Measurement, off: Off) -> NDArray[np.float64]:
         for count, size in ((rows, view.height_px), (columns, view.width_px))
     ]
     radius = np.hypot(away[0][:, None], away[1]) / view.focal_px
-    tiles = [2**k for k in range(math.ceil(math.log2(max(rows, columns, 2))) + 1)]
     beyond = _beyond(part, off)
     result = []
-    for edge_px in (NEXT_PX, *(count * tile_px for count in tiles[:-1])):
-        # So many pixels are least in angle if they lead away from the axis.
-        deg = np.degrees(np.arctan(radius + edge_px / view.focal_px) - np.arctan(radius))
-        result.append([[np.interp(deg, ANGLES_DEG, one) for one in of] for of in beyond])
+    for edge_px in (NEXT_PX, *(reach * tile_px for reach in _reaches(max(rows, columns))[:-1])):
+        edge = edge_px / view.focal_px
+        # Away from the axis, towards it and to both sides; to a square's corners it is further.
+        outwards, inwards = np.arctan(radius + edge) - np.arctan(radius), np.arctan(radius) - np.arctan(radius - edge)
+        aside = np.arctan(edge / np.sqrt(1 + radius * radius))
+        deg = np.degrees(np.stack([outwards, inwards, aside, aside]))
+        result.append([[np.interp(deg, ANGLES_DEG, one).mean(axis=0) for one in of] for of in beyond])
     return np.array(result)
+
+
+def _reaches(tiles: int) -> list[int]:
+    """How many tiles rings reach to each side: about half as many again each time."""
+    found = [1, 2, 3]
+    while found[-1] < tiles:
+        found.append(min(found[-1] * 3 // 2, tiles))
+    return found
 
 
 def _beyond(part: Part, off: Off) -> NDArray[np.float64]:

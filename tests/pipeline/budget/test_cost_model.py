@@ -123,7 +123,7 @@ class TestDevice:
     def test_a_level_newer_than_the_file_has_its_shipped_figure(self, tmp_path: Path) -> None:
         save(MODEL, tmp_path, "d")
         loaded = load(tmp_path, "d")
-        assert loaded.costs["glare"]["frame"] == SHIPPED.costs["glare"]["frame"]
+        assert loaded.costs["glare"]["half"] == SHIPPED.costs["glare"]["half"]
         assert loaded.costs["acuity"] == SHIPPED.costs["acuity"]
 
     def test_another_device_has_its_own(self, tmp_path: Path) -> None:

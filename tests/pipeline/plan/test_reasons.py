@@ -17,7 +17,7 @@ from entoptic.pipeline.plan import OFF, SKIPPED, Plan
 
 EYE = Observer(particles=50, gratings=0, cornea_cells=0)
 ALL_ON = Effects(
-    glare=Glare(model=GlareModel.CIE, level=GlareLevel.WINDOW),
+    glare=Glare(model=GlareModel.CIE, level=GlareLevel.QUARTER),
     rod_noise=RodNoise(on=True),
     afterimage=Afterimage(on=True),
 )
@@ -120,13 +120,13 @@ def test_night_colour_says_what_rods_carry(dark: Plan) -> None:
 
 def test_glare_says_what_is_brightest(dark: Plan) -> None:
     said = re.fullmatch(
-        rf"brightest pixel 0\.05 cd/m², no light stands out: with no more than veil, by ({NUMBER}) cd/m² at most, "
-        rf"below the eye's threshold of ({NUMBER}); {CODES}",
+        rf"brightest pixel 0\.05 cd/m², no light stands out: without it, by ({NUMBER}) cd/m² at most, "
+        rf"over the eye's threshold of ({NUMBER}); {CODES}",
         dark["glare"].reason,
     )
     assert said, dark["glare"].reason
-    assert dark["glare"].level == "veil"
-    assert 0 < float(said[1]) <= float(said[2]) < 0.05
+    assert dark["glare"].level == "quarter"
+    assert 0 < float(said[2]) <= float(said[1]) < 0.05
     wall = plan_of(frame(rest_cd_m2=300.0), Effects(), adapted=300.0)["glare"]
     assert wall.reason.startswith("brightest pixel 300 cd/m², no light stands out: ")
 

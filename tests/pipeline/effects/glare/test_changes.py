@@ -94,10 +94,10 @@ def test_a_reduced_level_differs_by_no_more_than_is_said(level: GlareLevel) -> N
     seed=st.integers(0, 2**32 - 1),
     decades=st.floats(0, 8),
     grain=st.integers(1, 40),
-    fov_deg=st.floats(5, 150),
+    fov_deg=st.sampled_from([5.0, 40.0, 104.0]),
     level=st.sampled_from(LEVELS),
 )
-@settings(max_examples=25)
+@settings(max_examples=20)
 def test_on_random_frames(seed: int, decades: float, grain: int, fov_deg: float, level: GlareLevel) -> None:
     random = np.random.default_rng(seed)
     coarse = 10 ** random.uniform(-decades / 2, decades / 2, (-(-80 // grain), -(-100 // grain), 3))
