@@ -16,6 +16,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from entoptic.pipeline.effects.acuity.cielab import CD_M2_PER_LIGHTNESS, lightness, luminance_of
+from entoptic.pipeline.effects.pointwise import Planes
 from entoptic.pipeline.fast_math import exp2
 from entoptic.pipeline.measure import luminance
 
@@ -31,8 +32,13 @@ LEAST_WEIGHT = np.float32(2e-4)
 
 def dark_acuity(rgb: Float[Array, "eye 3 y x"]) -> Float[Array, "eye 3 y x"]:
     """A frame in cd/m² with its dark parts blurred."""
+    return add_grey(rgb, change_of_luminance(rgb))
+
+
+def change_of_luminance(rgb: Float[Array, "eye 3 y x"]) -> Float[Array, "eye y x"]:
+    """What the blur changes each pixel's luminance by, in cd/m²."""
     padded = with_margin(_lightness(rgb))
-    return add_grey(rgb, luminance_change(blurred_rows(padded), padded))
+    return luminance_change(blurred_rows(padded), padded)
 
 
 _lightness = jax.jit(lambda rgb: lightness(luminance(rgb)))
@@ -74,6 +80,11 @@ def luminance_change(rows: Float[Array, "eye y+6 x"], padded: Float[Array, "eye 
     # A dark pixel is in the linear part of CIELAB; what it is blurred to need not be.
     change = luminance_of(blur(rows, 1)) - sharp * np.float32(CD_M2_PER_LIGHTNESS)
     return jnp.where(sharp < 1, change, 0)
+
+
+def add_grey_to_planes(image: Planes, scene: Planes, numbers: tuple[()], planes: Planes, tables: tuple[()]) -> Planes:
+    """`add_grey` as one of a pass's functions; `planes` has the change alone."""
+    return tuple(jnp.maximum(plane + planes[0], jnp.minimum(plane, 0)) for plane in image)
 
 
 @jax.jit

@@ -11,7 +11,7 @@ from jaxtyping import Array, Float
 from numpy.typing import NDArray
 
 from entoptic.pipeline.display_light import seen_peak_cd_m2, viewer_cd_m2
-from entoptic.pipeline.effects.tone.hue import weighted
+from entoptic.pipeline.effects.pointwise import weighted
 from entoptic.pipeline.frame import LUMINANCE_WEIGHTS, Display
 from entoptic.pipeline.mesopic import HALF_CD_M2, LARSON, larson_ratio
 from entoptic.pipeline.primaries import X_WEIGHTS, Z_WEIGHTS

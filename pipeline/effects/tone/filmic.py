@@ -146,7 +146,12 @@ def aces(rgb: Float[Array, "eye 3 y x"], exposure: Float[Array, "eye"], peak_cd_
     """
     scale = (exposure * display_scale(peak_cd_m2)).astype(jnp.float32)
     # Spectral colours of glare lie outside the display's, below 0.
-    return jnp.minimum(curve(jnp.clip(rgb * scale[:, None, None, None], 0, np.float32(FLAT))), 1)
+    return component(rgb * scale[:, None, None, None])
+
+
+def component(exposed: Float[Array, "..."]) -> Float[Array, "..."]:
+    """What the display shows of a component by itself."""
+    return jnp.minimum(curve(jnp.clip(exposed, 0, np.float32(FLAT))), 1)
 
 
 def ceiling_cd_m2(exposure: float, peak_cd_m2: float) -> float:

@@ -53,12 +53,6 @@ class Mapped:
         return np.asarray(self.below | (self.high.max(0) > 1))
 
 
-def weighted(planes: Sequence[Float[Array, "eye y x"]], weights: Sequence[float]) -> Float[Array, "eye y x"]:
-    """A weighted sum of three planes."""
-    red, green, blue = (np.float32(weight) * plane for weight, plane in zip(weights, planes, strict=True))
-    return red + green + blue
-
-
 def divisor(
     planes: Sequence[Float[Array, "eye y x"]],
     y: Float[Array, "eye y x"],
