@@ -9,6 +9,7 @@ import numpy as np
 from jaxtyping import Array, Float
 from numpy.typing import NDArray
 
+from entoptic.pipeline.fast_math import larger, smaller
 from entoptic.pipeline.frame import LUMINANCE_WEIGHTS
 
 WEIGHTS = np.array(LUMINANCE_WEIGHTS)
@@ -33,8 +34,8 @@ def within_peak(planes: Sequence[Float[Array, "n y x"]]) -> tuple[Float[Array, "
     """
     red, green, blue = planes
     r, g, b = (np.float32(weight) for weight in LUMINANCE_WEIGHTS)
-    luminance = jnp.minimum(r * red + g * green + b * blue, 1)
-    largest = jnp.maximum(jnp.maximum(red, green), blue)
+    luminance = smaller(r * red + g * green + b * blue, np.float32(1))
+    largest = larger(larger(red, green), blue)
     keep = jnp.where(largest > 1, (1 - luminance) / (largest - luminance), 1)
     return tuple(luminance + (plane - luminance) * keep for plane in planes)
 

@@ -18,7 +18,7 @@ from entoptic.pipeline.budget import SHIPPED, CostModel, Timing
 from entoptic.pipeline.display_light import seen_peak_cd_m2
 from entoptic.pipeline.effects import EFFECTS, Effects, tone
 from entoptic.pipeline.effects.adaptation import FLOOR_CD_M2
-from entoptic.pipeline.effects.effect import SKIPPED, Effect, Picture
+from entoptic.pipeline.effects.effect import SKIPPED, Domain, Effect, Picture
 from entoptic.pipeline.effects.encode import encode
 from entoptic.pipeline.effects.pointwise import Pointwise, encoded_after, image_after
 from entoptic.pipeline.eye_context import EyeContext
@@ -102,27 +102,80 @@ def perceive(
     `dt_s` how long ago that was; without a state the eyes are fully adapted to this frame and at rest. `costs` matter
     where `planning` sets a budget. Raises FrameError where the number of eyes and of images differ.
     """
+    clock = _Clock()
+    begun = _begin(frame, eye, observer, display, state, dt_s, effects, planning, costs, clock)
+    drawn = begun.drawing.drawn(Picture(frame.rgb_cd_m2, frame.rgb_cd_m2))
+    encoded = clock.together([*drawn.names, "encode"], lambda: encoded_after(drawn.picture, drawn.last, display))
+    after = dataclasses.replace(begun.state, reusable=begun.drawing.reusable)
+    reused = frozenset(begun.drawing.reused)
+    return Perceived(encoded, drawn, begun.planned.plan, after, begun.eyes, reused, clock.milliseconds)
+
+
+def light_after(
+    effect: str,
+    frame: Frame,
+    eye: EyePose | Sequence[EyePose] = EyePose(),
+    *,
+    observer: Observer = Observer(),
+    display: Display = Display(),
+    state: RenderState | None = None,
+    effects: Effects = Effects(),
+    planning: Planning = Planning(),
+    costs: CostModel = SHIPPED,
+) -> tuple[Float[Array, "eye 3 y x"], Plan]:
+    """The images as one of EFFECTS leaves them by the plan, linear Rec.709 in cd/m², and the plan.
+
+    Before tone mapping that is the scene's light, from then on the display's, with what the screen reflects. Raises
+    FrameError where no effect has that name.
+    """
+    if (last := next((one for one in EFFECTS if one.name == effect), None)) is None:
+        raise FrameError(f"{effect} is no effect: choose one of {', '.join(one.name for one in EFFECTS)}")
+    clock = _Clock()
+    begun = _begin(frame, eye, observer, display, state, 0.0, effects, planning, costs, clock)
+    image = begun.drawing.drawn(Picture(frame.rgb_cd_m2, frame.rgb_cd_m2), last).with_pass(clock).picture.image
+    return image if last.domain is Domain.SCENE else image * seen_peak_cd_m2(display), begun.planned.plan
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class _Begun:
+    """All that is known before a frame is drawn."""
+
+    eyes: tuple[EyeContext, ...]
+    planned: Planned
+    state: RenderState
+    """For the next frame, without what drawing leaves behind."""
+    drawing: _Drawing
+
+
+def _begin(
+    frame: Frame,
+    eye: EyePose | Sequence[EyePose],
+    observer: Observer,
+    display: Display,
+    state: RenderState | None,
+    dt_s: float,
+    effects: Effects,
+    planning: Planning,
+    costs: CostModel,
+    clock: _Clock,
+) -> _Begun:
     images = frame.rgb_cd_m2.shape[0]
     poses = (eye,) * images if isinstance(eye, EyePose) else tuple(eye)
     if len(poses) != images or (state is not None and len(state.adapted_cd_m2) != images):
         raise FrameError(f"a frame of {images} images for {len(poses)} eyes: give one for each")
-    clock = _Clock()
     measured = clock.time("measure", lambda: measure(frame))
     viewing = clock.time(
         "adaptation", lambda: view_frame(frame, measured, poses, observer, display, effects, state, dt_s)
     )
     eyes = clock.time("kernel", lambda: prepare(viewing.eyes))
-    before = None if state is None else state.choices
-    planned = clock.time("plan", lambda: make_plan(eyes, planning, before=before, dt_s=dt_s, costs=costs))
+    choices, found = (None, None) if state is None else (state.choices, state.found)
+    planned = clock.time("plan", lambda: make_plan(eyes, planning, before=choices, found=found, dt_s=dt_s, costs=costs))
     clock.expected = {
         part: costs.ms(part, level, frame.rgb_cd_m2.size / 3e6)
         for part, level in [*((step.effect, step.level) for step in planned.plan if step.runs), ("encode", "whole")]
     }
-    drawing = _Drawing(eyes, planned, {} if state is None else state.reusable, clock)
-    drawn = drawing.drawn(Picture(frame.rgb_cd_m2, frame.rgb_cd_m2))
-    encoded = clock.together([*drawn.names, "encode"], lambda: encoded_after(drawn.picture, drawn.last, display))
-    after = dataclasses.replace(viewing.state, choices=planned.choices, reusable=drawing.reusable)
-    return Perceived(encoded, drawn, planned.plan, after, eyes, frozenset(drawing.reused), clock.milliseconds)
+    after = dataclasses.replace(viewing.state, choices=planned.choices, found=planned.found)
+    return _Begun(eyes, planned, after, _Drawing(eyes, planned, {} if state is None else state.reusable, clock))
 
 
 def as_displayed(frame: Frame, display: Display = Display()) -> np.ndarray:
@@ -147,10 +200,15 @@ class Drawn:
 
     def with_pass(self, clock: _Clock) -> Drawn:
         """The same with the last pass done, in the unit of the domain that it reached."""
-        if not self.last:
-            return self
-        image = clock.together(self.names, lambda: image_after(self.picture, self.last))
-        return Drawn(self.picture.after(image, self.last[-1].domain))
+        picture = self.picture
+        # Apart: effects that follow may need the scene as well as what is displayed of it.
+        for domain in Domain:
+            named = [(one, name) for one, name in zip(self.last, self.names, strict=True) if one.domain is domain]
+            if named:
+                part, names = zip(*named, strict=True)
+                image = clock.together(names, functools.partial(image_after, picture, part))
+                picture = picture.after(image, domain)
+        return Drawn(picture)
 
 
 class _Drawing:
@@ -163,12 +221,14 @@ class _Drawing:
         self.reusable: dict[str, Reusable] = {}
         self.reused: set[str] = set()
 
-    def drawn(self, picture: Picture) -> Drawn:
-        """What becomes of it by the plan."""
+    def drawn(self, picture: Picture, last: Effect[Any, Any] | None = None) -> Drawn:
+        """What becomes of it by the plan, up to the last effect if one is named."""
         drawn = Drawn(picture)
         for effect in EFFECTS:
             if (step := self._planned.plan[effect.name]).runs:
                 drawn = self._after(drawn, effect, step)
+            if effect is last:
+                break
         return drawn
 
     def _after(self, drawn: Drawn, effect: Effect[Any, Any], step: Step) -> Drawn:

@@ -24,6 +24,7 @@ from jaxtyping import Array, Float, Int, UInt8, UInt16, UInt32
 from numpy.typing import NDArray
 
 from entoptic.pipeline.display_light import black_share, reflected_cd_m2, seen_peak_cd_m2
+from entoptic.pipeline.fast_math import larger, smaller
 from entoptic.pipeline.frame import Display, Encoding
 
 Primaries = tuple[tuple[float, float], tuple[float, float], tuple[float, float]]
@@ -94,7 +95,7 @@ def encode(
     uint8 for sRGB and Display P3; uint16 of 0 to 1023 for HDR10; float32 of 0 to 1 for linear.
     """
     encoder = encoder_of(display)
-    return np.asarray(_shares(linear)) if encoder is None else _encoded(linear, encoder)
+    return jax.device_get(_shares(linear)) if encoder is None else _encoded(linear, encoder)
 
 
 def encoder_of(display: Display) -> Encoder | None:
@@ -133,8 +134,7 @@ def packed(
     pixel = jnp.zeros_like(planes[0], jnp.uint32)
     for k, light in enumerate(planes):
         shown = (light - black) / (1 - black) * scale
-        # The comparison is false for NaN, which `maximum` would hand on.
-        shown = jnp.minimum(jnp.where(shown > lowest, shown, lowest), 1)
+        shown = smaller(larger(shown, lowest), np.float32(1))
         bits = jax.lax.bitcast_convert_type(shown, jnp.int32)
         entry = entries.at[(bits >> 16) - coding.first].get(mode="promise_in_bounds")
         pixel = pixel | (((entry + (bits & 0xFFFF)) >> 16).astype(jnp.uint32) << (coding.bits * k))
@@ -146,8 +146,8 @@ def unpacked(
 ) -> UInt8[np.ndarray, "eye y x 3"] | UInt16[np.ndarray, "eye y x 3"]:
     """The codes of packed pixels, component by component."""
     if coding.bits == 8 and pixels.size % 4 == 0:
-        return np.asarray(_words(pixels)).view(np.uint8).reshape(*pixels.shape, 3)
-    return np.asarray(_components(pixels, coding.bits))
+        return jax.device_get(_words(pixels)).view(np.uint8).reshape(*pixels.shape, 3)
+    return jax.device_get(_components(pixels, coding.bits))
 
 
 def matrix(source: Primaries, target: Primaries) -> NDArray[np.float64]:

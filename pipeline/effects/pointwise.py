@@ -26,9 +26,9 @@ from entoptic.pipeline.effects.effect import Domain, Picture
 from entoptic.pipeline.effects.encode import Coding, encode, encoder_of, packed, unpacked
 from entoptic.pipeline.frame import Display
 
-BLOCK_PX = 32
+BLOCK_PX = 8
 """Side of a block. Engineering choice: half as large, twice as many hold a pixel beyond the display."""
-AT_ONCE = 32
+AT_ONCE = 256
 """Blocks. Engineering choice: enough for two cores, few enough that the last, filled up, wastes little."""
 MARK = np.uint32(1 << 30)
 """The bit of a packed pixel that says that it is to be made again: above three components of ten bits."""
@@ -96,9 +96,9 @@ def image_after(picture: Picture, effects: Sequence[Pointwise]) -> Float[Array, 
     kinds, arguments, scene = _what(picture, effects)
     image = _image(picture.image, scene, arguments, kinds)
     if any(kind.marks for kind in kinds):
-        beyond = _marked(_beyond(picture.image, scene, arguments, kinds))
+        beyond = jax.device_get(_beyond(picture.image, scene, arguments, kinds))
         for some, sides in _batches(beyond, picture.image.shape):
-            image = _put(image, _image_blocks(picture.image, scene, arguments, some, kinds, sides), some)
+            image = _image_with_blocks(image, picture.image, scene, arguments, some, kinds, sides)
     return image
 
 
@@ -109,11 +109,12 @@ def encoded_after(picture: Picture, effects: Sequence[Pointwise], display: Displ
         return encode(image_after(picture, effects), display)
     kinds, arguments, scene = _what(picture, effects)
     code = encoder.numbers, encoder.entries
-    pixels = _packed(picture.image, scene, arguments, code, kinds, encoder.coding)
-    if any(kind.marks for kind in kinds):
-        for some, sides in _batches(_marked(pixels), picture.image.shape):
-            made = _packed_blocks(picture.image, scene, arguments, some, code, kinds, encoder.coding, sides)
-            pixels = _put(pixels, made, some)
+    pixels, beyond = _packed(picture.image, scene, arguments, code, kinds, encoder.coding)
+    if beyond is not None:
+        for some, sides in _batches(jax.device_get(beyond), picture.image.shape):
+            pixels = _packed_with_blocks(
+                pixels, picture.image, scene, arguments, some, code, kinds, encoder.coding, sides
+            )
     return unpacked(pixels, encoder.coding)
 
 
@@ -175,7 +176,7 @@ def _image(image: Array, scene: Array | None, arguments: tuple[Arguments, ...], 
 def _beyond(image: Array, scene: Array | None, arguments: tuple[Arguments, ...], kinds: tuple[_Kind, ...]) -> Array:
     _, beyond = _chain(image, scene, arguments, kinds)
     assert beyond is not None
-    return beyond.astype(jnp.uint32) * MARK
+    return _blocks_of(beyond.astype(jnp.uint32) * MARK)
 
 
 @functools.partial(jax.jit, static_argnames=("kinds", "coding"))
@@ -186,26 +187,33 @@ def _packed(
     code: Any,
     kinds: tuple[_Kind, ...],
     coding: Coding,
-) -> UInt32[Array, "eye y x"]:
+) -> tuple[UInt32[Array, "eye y x"], Bool[Array, "eye row column"] | None]:
+    """Codes of each pixel, and blocks that hold one to be made again."""
     planes, beyond = _chain(image, scene, arguments, kinds)
     pixels = packed(planes, code[0], code[1], coding)
-    return pixels if beyond is None else jnp.where(beyond, pixels | MARK, pixels)
+    if beyond is None:
+        return pixels, None
+    # The barrier keeps XLA from working out each pixel again for the blocks.
+    pixels = jax.lax.optimization_barrier(jnp.where(beyond, pixels | MARK, pixels))
+    return pixels, _blocks_of(pixels)
 
 
-@functools.partial(jax.jit, static_argnames=("kinds", "sides"))
-def _image_blocks(
+@functools.partial(jax.jit, static_argnames=("kinds", "sides"), donate_argnums=0)
+def _image_with_blocks(
+    made: Array,
     image: Array,
     scene: Array | None,
     arguments: tuple[Arguments, ...],
     places: Int[Array, "block 3"],
     kinds: tuple[_Kind, ...],
     sides: tuple[int, int],
-) -> Float[Array, "block 3 p q"]:
-    return jnp.stack(_blocks(image, scene, arguments, places, kinds, sides), 1)
+) -> Float[Array, "eye 3 y x"]:
+    return _put(made, jnp.stack(_blocks(image, scene, arguments, places, kinds, sides), 1), places)
 
 
-@functools.partial(jax.jit, static_argnames=("kinds", "coding", "sides"))
-def _packed_blocks(
+@functools.partial(jax.jit, static_argnames=("kinds", "coding", "sides"), donate_argnums=0)
+def _packed_with_blocks(
+    pixels: UInt32[Array, "eye y x"],
     image: Array,
     scene: Array | None,
     arguments: tuple[Arguments, ...],
@@ -214,11 +222,11 @@ def _packed_blocks(
     kinds: tuple[_Kind, ...],
     coding: Coding,
     sides: tuple[int, int],
-) -> UInt32[Array, "block p q"]:
-    return packed(_blocks(image, scene, arguments, places, kinds, sides), code[0], code[1], coding)
+) -> UInt32[Array, "eye y x"]:
+    planes = _blocks(image, scene, arguments, places, kinds, sides)
+    return _put(pixels, packed(planes, code[0], code[1], coding), places)
 
 
-@functools.partial(jax.jit, donate_argnums=0)
 def _put(image: Array, blocks: Array, places: Int[Array, "block 3"]) -> Array:
     def one(k: int, image: Array) -> Array:
         corner = (places[k, 0], *(jnp.int32(0),) * (image.ndim - 3), places[k, 1], places[k, 2])
@@ -227,20 +235,15 @@ def _put(image: Array, blocks: Array, places: Int[Array, "block 3"]) -> Array:
     return jax.lax.fori_loop(0, places.shape[0], one, image)
 
 
-def _marked(pixels: UInt32[Array, "eye y x"]) -> NDArray[np.bool_]:
-    """(eye, row, column): blocks that hold a marked pixel."""
-    return jax.device_get(_marked_blocks(pixels)) != 0
-
-
-@jax.jit
-def _marked_blocks(pixels: UInt32[Array, "eye y x"]) -> UInt32[Array, "eye row column"]:
+def _blocks_of(pixels: UInt32[Array, "eye y x"]) -> Bool[Array, "eye row column"]:
+    """Blocks that hold a marked pixel."""
     height, width = pixels.shape[1:]
     below, right = -height % BLOCK_PX, -width % BLOCK_PX
     # Rows first: whole rows are taken at once. The barrier keeps XLA from taking columns before.
     size = (1, BLOCK_PX, 1)
     rows = jax.lax.reduce_window(pixels, np.uint32(0), jax.lax.max, size, size, ((0, 0), (0, below), (0, 0)))
     rows = jnp.pad(jax.lax.optimization_barrier(rows), ((0, 0), (0, 0), (0, right)))
-    return rows.reshape(*rows.shape[:2], -1, BLOCK_PX).max(-1) & MARK
+    return rows.reshape(*rows.shape[:2], -1, BLOCK_PX).max(-1) >= MARK
 
 
 def _batches(
@@ -250,9 +253,10 @@ def _batches(
     found = np.argwhere(blocks)
     sides = min(BLOCK_PX, shape[2]), min(BLOCK_PX, shape[3])
     places = np.minimum(found * (1, BLOCK_PX, BLOCK_PX), (shape[0], shape[2] - sides[0], shape[3] - sides[1]))
-    for start in range(0, len(places), AT_ONCE):
+    count = min(AT_ONCE, blocks.size)
+    for start in range(0, len(places), count):
         # The last of them again and again, where they do not fill up: it is the same each time.
-        yield places[np.minimum(np.arange(start, start + AT_ONCE), len(places) - 1)].astype(np.int32), sides
+        yield places[np.minimum(np.arange(start, start + count), len(places) - 1)].astype(np.int32), sides
 
 
 def _planes(image: Float[Array, "n 3 y x"]) -> Planes:

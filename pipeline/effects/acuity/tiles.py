@@ -50,8 +50,8 @@ def change_of_luminance(
     for start in range(0, len(places), AT_ONCE):
         # The last of them again and again, where they do not fill up: it is the same each time.
         some = places[np.minimum(np.arange(start, start + AT_ONCE), len(places) - 1)]
-        lit = _lightness_of(_cut(rgb, _inside(some, rgb.shape, block_px), block_px), _within(some, rgb.shape, block_px))
-        result = _put(result, fit.luminance_change(fit.blurred_rows(lit), lit), some)
+        inside, within = _inside(some, rgb.shape, block_px), _within(some, rgb.shape, block_px)
+        result = _with_blocks(result, rgb, some, inside, within, block_px)
     return result
 
 
@@ -71,7 +71,19 @@ def _within(places: Int[np.ndarray, "block 3"], shape: tuple[int, ...], block_px
     ).astype(np.int32)
 
 
-@functools.partial(jax.jit, static_argnums=2)
+@functools.partial(jax.jit, static_argnames="block_px", donate_argnums=0)
+def _with_blocks(
+    result: Float[Array, "eye y x"],
+    rgb: Float[Array, "eye 3 y x"],
+    places: Int[Array, "block 3"],
+    inside: Int[Array, "block 3"],
+    within: Int[Array, "2 block p"],
+    block_px: int,
+) -> Float[Array, "eye y x"]:
+    (lit,) = jax.lax.optimization_barrier((_lightness_of(_cut(rgb, inside, block_px), within),))
+    return _put(result, fit.change_of_padded(lit), places)
+
+
 def _cut(rgb: Float[Array, "eye 3 y x"], places: Int[Array, "block 3"], block_px: int) -> Float[Array, "block 3 p p"]:
     side = block_px + 2 * fit.RADIUS_PX
 
@@ -81,14 +93,12 @@ def _cut(rgb: Float[Array, "eye 3 y x"], places: Int[Array, "block 3"], block_px
     return jax.lax.map(one, places)
 
 
-@jax.jit
 def _lightness_of(cut: Float[Array, "block 3 p p"], within: Int[Array, "2 block p"]) -> Float[Array, "block p p"]:
-    lit = lightness(luminance(cut))
+    (lit,) = jax.lax.optimization_barrier((lightness(luminance(cut)),))
     rows = jnp.take_along_axis(lit, within[0][:, :, None], 1)
     return jnp.take_along_axis(rows, within[1][:, None, :], 2)
 
 
-@functools.partial(jax.jit, donate_argnums=0)
 def _put(
     result: Float[Array, "eye y x"], change: Float[Array, "block p p"], places: Int[Array, "block 3"]
 ) -> Float[Array, "eye y x"]:

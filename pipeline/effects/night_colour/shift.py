@@ -21,6 +21,7 @@ from entoptic.pipeline.effects.night_colour.settings import NightColour, NightMe
 from entoptic.pipeline.effects.night_colour.share import adapted_share, share
 from entoptic.pipeline.effects.night_colour.tints import BLUE_XY, TINT, tint, weights
 from entoptic.pipeline.effects.pointwise import Planes, Pointwise, image_after, weighted
+from entoptic.pipeline.fast_math import larger
 from entoptic.pipeline.frame import LUMINANCE_WEIGHTS, FrameError
 from entoptic.pipeline.primaries import SUM_WEIGHTS
 
@@ -99,7 +100,7 @@ def _blended_by_its_own(
     method: NightMethod,
     exceeds: bool,
 ) -> Planes:
-    shares = share(jnp.maximum(weighted(scene, LUMINANCE_WEIGHTS), 0), method)
+    shares = share(larger(weighted(scene, LUMINANCE_WEIGHTS), 0), method)
     return _blend(image, shares, numbers[0], method, exceeds)
 
 
@@ -117,4 +118,4 @@ def _of_blue(image: Planes, sigma: Float[Array, "n #y #x"]) -> Float[Array, "n y
     """KRI's σ as a share of light; 0 at black, where there is none."""
     blue = sigma * weighted(image, SUM_WEIGHTS)
     all_light = (1 - sigma) * weighted(image, LUMINANCE_WEIGHTS) * np.float32(1 / BLUE_XY[1]) + blue
-    return blue / jnp.maximum(all_light, np.float32(1e-30))
+    return blue / larger(all_light, np.float32(1e-30))

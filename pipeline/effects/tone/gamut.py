@@ -19,7 +19,7 @@ from jaxtyping import Array, Bool, Float, Int
 from entoptic.pipeline.effects.pointwise import weighted
 from entoptic.pipeline.effects.tone.hue import TRADED
 from entoptic.pipeline.effects.tone.oklab import HUES, LUMINANCES, TO_A, TO_B, TO_LMS, turn
-from entoptic.pipeline.fast_math import cube_root
+from entoptic.pipeline.fast_math import clip, cube_root, larger, smaller
 from entoptic.pipeline.frame import LUMINANCE_WEIGHTS
 
 CLIPPED = 0.01
@@ -38,9 +38,9 @@ def is_beyond(
     offset: Float[Array, "n 1 1"],
 ) -> Bool[Array, "n y x"]:
     """Where planes·gain + offset, of luminance y·gain + offset, are to be mapped."""
-    largest = jnp.maximum(jnp.maximum(planes[0], planes[1]), planes[2]) * gain + offset
-    least = jnp.minimum(jnp.minimum(planes[0], planes[1]), planes[2]) * gain + offset
-    luminance = jnp.minimum(y * gain + offset, 1)
+    largest = larger(larger(planes[0], planes[1]), planes[2]) * gain + offset
+    least = smaller(smaller(planes[0], planes[1]), planes[2]) * gain + offset
+    luminance = smaller(y * gain + offset, 1)
     edge = np.float32(1 + CLIPPED)
     beyond = (largest - luminance > edge * (1 - luminance)) | (luminance - least > edge * luminance)
     # White is clipped to white.
@@ -55,19 +55,19 @@ def to_white(
     What has no luminance becomes black. `red` and `blue` are the tables of `oklab.directions`. The barriers keep XLA
     from working out each step again for each of three channels.
     """
-    y = jnp.maximum(weighted(planes, LUMINANCE_WEIGHTS), _TINY)
+    y = larger(weighted(planes, LUMINANCE_WEIGHTS), _TINY)
     y, per_y = _apart(y, 1 / y)
-    whole = jnp.minimum(y, 1)
+    whole = smaller(y, 1)
     # Hue does not depend on luminance, and this keeps cube roots within float32.
-    ratios = [jnp.clip(plane * per_y, -100, 100) for plane in planes]
+    ratios = [clip(plane * per_y, -100, 100) for plane in planes]
     by_peak, by_black = _apart(*_beyond_edge([(ratio - 1) * whole for ratio in ratios], whole))
-    brightest = jnp.maximum(jnp.maximum(ratios[0], ratios[1]), ratios[2]) * y
-    dims = jnp.exp(jnp.log(jnp.maximum(brightest, 1)) * (np.float32(-TRADED) * (1 - whole)))
+    brightest = larger(larger(ratios[0], ratios[1]), ratios[2]) * y
+    dims = jnp.exp(jnp.log(larger(brightest, 1)) * (np.float32(-TRADED) * (1 - whole)))
     (luminance,) = _apart(whole * dims)
     roots = _apart(*(_signed_root(weighted(ratios, row)) for row in TO_LMS))
     hue = turn(weighted(roots, TO_A), weighted(roots, TO_B)) * np.float32(HUES / 4)
-    hue, level = _apart(jnp.clip(hue, 0, HUES - np.float32(1e-3)), luminance * np.float32(LUMINANCES))
-    level = jnp.minimum(level, LUMINANCES - np.float32(1e-4))
+    hue, level = _apart(clip(hue, 0, HUES - np.float32(1e-3)), luminance * np.float32(LUMINANCES))
+    level = smaller(level, LUMINANCES - np.float32(1e-4))
     i, k = hue.astype(jnp.int32), level.astype(jnp.int32)
     cell, across, along = _apart(i * (LUMINANCES + 1) + k, hue - i, level - k)
     up, sideways = _apart(_between(red, cell, across, along), _between(blue, cell, across, along))
@@ -75,15 +75,15 @@ def to_white(
     direction = [up, up * np.float32(-r / g) + sideways * np.float32(-b / g), sideways]
     # Near blue a path of one hue leaves the display's triangle of chromaticities for a while. What lies in the triangle
     # and is too bright is clipped there: it would lose the peak of its blue, and is off by 0.2° instead.
-    fills = jnp.clip((by_peak - 1) * 20, 0, 1) * jnp.clip(1 - (by_black - 1) * 20, 0, 1)
+    fills = clip((by_peak - 1) * 20, 0, 1) * clip(1 - (by_black - 1) * 20, 0, 1)
     way_to_peak, way_to_black = _beyond_edge(direction, luminance)
-    ends = 1 / jnp.maximum(way_to_peak, (1 - fills) * way_to_black)
-    share = (jnp.maximum(by_peak, by_black) - np.float32(1 + CLIPPED)) * np.float32(1 / (MAPPED - CLIPPED))
-    share, ends = _apart(jnp.clip(share, 0, 1), ends)
-    mapped = [jnp.clip(luminance + step * ends, 0, 1) for step in direction]
+    ends = 1 / larger(way_to_peak, (1 - fills) * way_to_black)
+    share = (larger(by_peak, by_black) - np.float32(1 + CLIPPED)) * np.float32(1 / (MAPPED - CLIPPED))
+    share, ends = _apart(clip(share, 0, 1), ends)
+    mapped = [clip(luminance + step * ends, 0, 1) for step in direction]
     return [
         clipped + share * (one - clipped)
-        for one, clipped in zip(mapped, (jnp.clip(plane, 0, 1) for plane in planes), strict=True)
+        for one, clipped in zip(mapped, (clip(plane, 0, 1) for plane in planes), strict=True)
     ]
 
 
@@ -116,6 +116,6 @@ def _beyond_edge(
     step: list[Float[Array, "block y x"]], luminance: Float[Array, "block y x"]
 ) -> tuple[Float[Array, "block y x"], Float[Array, "block y x"]]:
     """How many times as long as the way to the peak, and to black, a step away from the grey of this luminance is."""
-    most = jnp.maximum(jnp.maximum(step[0], step[1]), step[2])
-    least = jnp.minimum(jnp.minimum(step[0], step[1]), step[2])
-    return most / jnp.maximum(1 - luminance, _ROOM), -least / luminance
+    most = larger(larger(step[0], step[1]), step[2])
+    least = smaller(smaller(step[0], step[1]), step[2])
+    return most / larger(1 - luminance, _ROOM), -least / luminance

@@ -19,6 +19,7 @@ from entoptic.pipeline.effects.tone import durand, filmic, gamut, own_curve, rei
 from entoptic.pipeline.effects.tone.hue import divisor
 from entoptic.pipeline.effects.tone.oklab import directions
 from entoptic.pipeline.effects.tone.settings import Hue, Operator, Tone
+from entoptic.pipeline.fast_math import clip, larger
 from entoptic.pipeline.frame import LUMINANCE_WEIGHTS, Display
 
 _BRIGHTEST = 1e15
@@ -122,12 +123,12 @@ def _shown(
 ) -> Planes:
     if operator is Operator.ACES and hue is Hue.CLIP:
         return tuple(filmic.component(plane * numbers[0][:, 0, None, None]) for plane in image)
-    lit = [jnp.clip(plane, 0, np.float32(_BRIGHTEST)) for plane in image]
+    lit = [clip(plane, 0, np.float32(_BRIGHTEST)) for plane in image]
     y = weighted(lit, LUMINANCE_WEIGHTS)
     gain, offset = _gain_and_offset(lit, y, numbers[0], curve, operator)
     divided_by = divisor(lit, y, gain, offset, hue)
     gain, offset = gain / divided_by, offset / divided_by
-    return tuple(jnp.clip(jnp.maximum(plane, 0) * gain + offset, 0, 1) for plane in image)
+    return tuple(clip(larger(plane, 0) * gain + offset, 0, 1) for plane in image)
 
 
 def _clipped(
@@ -139,7 +140,7 @@ def _clipped(
     operator: Operator,
 ) -> tuple[Planes, Bool[Array, "n y x"]]:
     mapped, beyond = _mapped(image, numbers[0], tables[:-2], operator)
-    return tuple(jnp.clip(plane, 0, 1) for plane in mapped), beyond
+    return tuple(clip(plane, 0, 1) for plane in mapped), beyond
 
 
 def _to_white(
@@ -154,16 +155,16 @@ def _to_white(
     # Kept, or XLA works them out again for each of the steps that follow.
     *mapped, beyond = jax.lax.optimization_barrier((*mapped, beyond))
     white = gamut.to_white(mapped, *tables[-2:])
-    return tuple(jnp.where(beyond, one, jnp.clip(plane, 0, 1)) for one, plane in zip(white, mapped, strict=True))
+    return tuple(jnp.where(beyond, one, clip(plane, 0, 1)) for one, plane in zip(white, mapped, strict=True))
 
 
 def _mapped(
     image: Planes, numbers: Float[Array, "n number"], curve: tuple[Array, ...], operator: Operator
 ) -> tuple[Planes, Bool[Array, "n y x"]]:
     """What the operator makes of it, of any size, and what of that lies beyond the display's colours."""
-    lit = [jnp.clip(plane, -np.float32(_BRIGHTEST), np.float32(_BRIGHTEST)) for plane in image]
+    lit = [clip(plane, -np.float32(_BRIGHTEST), np.float32(_BRIGHTEST)) for plane in image]
     y = weighted(lit, LUMINANCE_WEIGHTS)
-    gain, offset = _gain_and_offset(lit, jnp.maximum(y, 0), numbers, curve, operator)
+    gain, offset = _gain_and_offset(lit, larger(y, 0), numbers, curve, operator)
     # Not the clipped ones: what is infinite shows white.
     return tuple(plane * gain + offset for plane in image), gamut.is_beyond(lit, y, gain, offset)
 
