@@ -135,9 +135,10 @@ def packed(
     for k, light in enumerate(planes):
         shown = (light - black) / (1 - black) * scale
         shown = smaller(larger(shown, lowest), np.float32(1))
-        bits = jax.lax.bitcast_convert_type(shown, jnp.int32)
-        entry = entries.at[(bits >> 16) - coding.first].get(mode="promise_in_bounds")
-        pixel = pixel | (((entry + (bits & 0xFFFF)) >> 16).astype(jnp.uint32) << (coding.bits * k))
+        bits = jax.lax.bitcast_convert_type(shown, jnp.uint32)
+        # Without a sign, or each place is looked at for whether it counts from the end.
+        entry = entries.at[(bits >> 16) - np.uint32(coding.first)].get(mode="promise_in_bounds").astype(jnp.uint32)
+        pixel = pixel | ((entry + (bits & 0xFFFF)) >> 16) << (coding.bits * k)
     return pixel
 
 

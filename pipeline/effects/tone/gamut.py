@@ -11,6 +11,8 @@ Few pixels of most frames are beyond the display, and the others cost nothing: s
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -32,7 +34,7 @@ _ROOM = np.float32(1e-7)
 
 
 def is_beyond(
-    planes: list[Float[Array, "n y x"]],
+    planes: Sequence[Float[Array, "n y x"]],
     y: Float[Array, "n y x"],
     gain: Float[Array, "n #y #x"],
     offset: Float[Array, "n 1 1"],

@@ -162,11 +162,9 @@ def _mapped(
     image: Planes, numbers: Float[Array, "n number"], curve: tuple[Array, ...], operator: Operator
 ) -> tuple[Planes, Bool[Array, "n y x"]]:
     """What the operator makes of it, of any size, and what of that lies beyond the display's colours."""
-    lit = [clip(plane, -np.float32(_BRIGHTEST), np.float32(_BRIGHTEST)) for plane in image]
-    y = weighted(lit, LUMINANCE_WEIGHTS)
-    gain, offset = _gain_and_offset(lit, larger(y, 0), numbers, curve, operator)
-    # Not the clipped ones: what is infinite shows white.
-    return tuple(plane * gain + offset for plane in image), gamut.is_beyond(lit, y, gain, offset)
+    y = weighted(image, LUMINANCE_WEIGHTS)
+    gain, offset = _gain_and_offset(image, clip(y, 0, _BRIGHTEST), numbers, curve, operator)
+    return tuple(plane * gain + offset for plane in image), gamut.is_beyond(image, y, gain, offset)
 
 
 def _gain_and_offset(
