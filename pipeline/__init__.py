@@ -38,7 +38,7 @@ from entoptic.pipeline.eye_pose import EyePose  # noqa: E402
 from entoptic.pipeline.frame import Display, Encoding, Frame, FrameError, Light, View  # noqa: E402
 from entoptic.pipeline.observer import Iris, Observer, OcularDynamics  # noqa: E402
 from entoptic.pipeline.plan import Plan, Planning, Step  # noqa: E402
-from entoptic.pipeline.render import Perceived, as_displayed, perceive  # noqa: E402
+from entoptic.pipeline.render import Perceived, as_displayed, light_after, perceive  # noqa: E402
 from entoptic.pipeline.viewing import RenderState  # noqa: E402
 
 __all__ = [
@@ -66,5 +66,6 @@ __all__ = [
     "Step",
     "View",
     "as_displayed",
+    "light_after",
     "perceive",
 ]

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-import jax
+from collections.abc import Sequence
+
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 from numpy.typing import NDArray
 
+from entoptic.pipeline.fast_math import larger, smaller
 from entoptic.pipeline.frame import LUMINANCE_WEIGHTS
 
 WEIGHTS = np.array(LUMINANCE_WEIGHTS)
@@ -24,21 +26,18 @@ def components_at(
     return np.maximum(1 - (1 - np.minimum(least_y, 1)) / weights, 0), np.minimum(most_y / weights, 1)
 
 
-def within_peak(rgb: Float[Array, "eye 3 y x"]) -> Float[Array, "eye 3 y x"]:
+def within_peak(planes: Sequence[Float[Array, "n y x"]]) -> tuple[Float[Array, "n y x"], ...]:
     """Colours without a component below 0, mixed with white of their luminance until none is above the peak.
 
     Keeps the dominant wavelength. For pale colours, as tints make them of what the display has, that is Oklab's hue
     within 3°; saturated ones would turn, blue to purple by 22°.
     """
-    red, green, blue = rgb[:, 0], rgb[:, 1], rgb[:, 2]
+    red, green, blue = planes
     r, g, b = (np.float32(weight) for weight in LUMINANCE_WEIGHTS)
-    luminance = jnp.minimum(r * red + g * green + b * blue, 1)
-    largest = jnp.maximum(jnp.maximum(red, green), blue)
+    luminance = smaller(r * red + g * green + b * blue, np.float32(1))
+    largest = larger(larger(red, green), blue)
     keep = jnp.where(largest > 1, (1 - luminance) / (largest - luminance), 1)
-    # Without the barrier XLA works it out for each component again.
-    keep = jax.lax.optimization_barrier(keep)[:, None]
-    grey = luminance[:, None]
-    return grey + (rgb - grey) * keep
+    return tuple(luminance + (plane - luminance) * keep for plane in planes)
 
 
 def change_within_peak(change: NDArray[np.float64], beyond: NDArray[np.bool_]) -> NDArray[np.float64]:

@@ -1,4 +1,6 @@
-"""Cube root, exponential and arc tangent of float32, at a fraction of what XLA's take.
+"""Minimum, maximum, cube root, exponential and arc tangent of float32, at a fraction of what XLA's take.
+
+XLA's minimum hands on what is no number, and tells 0 from −0: five instructions where a processor has one.
 
 The first two start from the bits of a float, exponent above mantissa, which are nearly its logarithm to base 2, and
 have only multiplications besides. XLA also rewrites products of its own exponentials as exponentials of sums, which
@@ -8,12 +10,15 @@ would make three of each one that the blur needs.
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
+Values = Any
+"""An array of float32 or a constant."""
 MANTISSA_BITS = 23
 INVERSE_ROOT_BITS = 1419920000.0
 """4/3 of the bits of 1, less what makes the first guess of an inverse cube root err as far up as down: 3.5 %."""
@@ -23,6 +28,21 @@ as a linear programme over 4001 points."""
 
 ARCTAN_COEFFICIENTS = (0.0068118585, -0.033604452, 0.079623996, -0.13233365, 0.19807824, -0.33317369, 0.99999611)
 """arctan(x)/x on 0…1 in powers of x², highest first: the least error of x times it, 3e-7, found likewise."""
+
+
+def smaller(x: Values, other: Values) -> Values:
+    """The smaller of two; the second where one is no number."""
+    return jnp.where(x < other, x, other)
+
+
+def larger(x: Values, other: Values) -> Values:
+    """The larger of two; the second where one is no number."""
+    return jnp.where(x > other, x, other)
+
+
+def clip(x: Float[Array, "..."], low: float | np.float32, high: float | np.float32) -> Float[Array, "..."]:
+    """x between two constants; the lower one where it is no number."""
+    return smaller(larger(x, np.float32(low)), np.float32(high))
 
 
 def cube_root(x: Float[Array, "..."]) -> Float[Array, "..."]:

@@ -56,14 +56,19 @@ class Measurement:
     min_cd_m2: float
     max_cd_m2: float
     mean_cd_m2: float
-    histogram: NDArray[np.int64]
-    """Tiles in each bin of HISTOGRAM_LOG10; what lies outside counts in the first and the last."""
     sources: tuple[LightSource, ...]
     """Brightest first, MAX_SOURCES at most: tiles whose peak is a local maximum and SOURCE_RATIO times the mean of the
     image.
 
     Neighbouring tiles of the same peak are one light.
     """
+
+    @property
+    def histogram(self) -> NDArray[np.int64]:
+        """Tiles in each bin of HISTOGRAM_LOG10; what lies outside counts in the first and the last."""
+        with np.errstate(divide="ignore"):
+            log = np.clip(np.log10(self.tile_mean_cd_m2), HISTOGRAM_LOG10[0], HISTOGRAM_LOG10[-1])
+        return np.histogram(log, HISTOGRAM_LOG10)[0]
 
     def share_below(self, luminance_cd_m2: float) -> float:
         """Share of the image's tiles whose mean is darker."""
@@ -157,8 +162,6 @@ def _interpret(
     )
     tile_mean = (total / (rows[:, None] * columns)).astype(np.float32)
     mean = float(total.sum(dtype=np.float64)) / (view.height_px * view.width_px)
-    with np.errstate(divide="ignore"):
-        log = np.clip(np.log10(tile_mean), HISTOGRAM_LOG10[0], HISTOGRAM_LOG10[-1])
     return Measurement(
         view=view,
         tile_px=tile_px,
@@ -167,7 +170,6 @@ def _interpret(
         min_cd_m2=float(low[3].min()),
         max_cd_m2=float(high[3].max()),
         mean_cd_m2=mean,
-        histogram=np.histogram(log, HISTOGRAM_LOG10)[0],
         sources=_sources(tile_max, mean, tile_px),
     )
 
@@ -175,13 +177,24 @@ def _interpret(
 def _sources(tile_max: NDArray[np.float32], mean_cd_m2: float, tile_px: int) -> tuple[LightSource, ...]:
     if tile_max.max() <= SOURCE_RATIO * mean_cd_m2:
         return ()
-    bordered = np.pad(tile_max, 1, constant_values=-1)
-    neighbours = np.lib.stride_tricks.sliding_window_view(bordered, (3, 3)).max((2, 3))
-    lights, _ = scipy.ndimage.label((tile_max >= neighbours) & (tile_max > SOURCE_RATIO * mean_cd_m2), np.ones((3, 3)))
-    labels, first = np.unique(lights, return_index=True)
-    rows, columns = np.unravel_index(first[labels > 0], lights.shape)
+    stands_out = tile_max > SOURCE_RATIO * mean_cd_m2
+    lights, _ = scipy.ndimage.label((tile_max >= _largest_around(tile_max)) & stands_out, np.ones((3, 3)))
+    at = np.flatnonzero(lights)
+    _, first = np.unique(lights.ravel()[at], return_index=True)
+    rows, columns = np.unravel_index(at[first], lights.shape)
     brightest = np.argsort(-tile_max[rows, columns], kind="stable")[:MAX_SOURCES]
     return tuple(
         LightSource((columns[k] + 0.5) * tile_px, (rows[k] + 0.5) * tile_px, float(tile_max[rows[k], columns[k]]))
         for k in brightest
     )
+
+
+def _largest_around(tile_max: NDArray[np.float32]) -> NDArray[np.float32]:
+    """The largest of each tile and its neighbours."""
+    for axis in (0, 1):
+        one, other = np.moveaxis(tile_max, axis, 0), tile_max.copy()
+        around = np.moveaxis(other, axis, 0)
+        np.maximum(around[1:], one[:-1], out=around[1:])
+        np.maximum(around[:-1], one[1:], out=around[:-1])
+        tile_max = other
+    return tile_max

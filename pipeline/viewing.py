@@ -21,6 +21,7 @@ from entoptic.pipeline.observer import Observer
 from entoptic.pipeline.optics import ocular_dynamics
 from entoptic.pipeline.optics.ocular_dynamics import OcularState
 from entoptic.pipeline.optics.pupil import expected_mm
+from entoptic.pipeline.plan.reasons import Reduced
 
 if TYPE_CHECKING:
 
@@ -65,6 +66,8 @@ class RenderState:
     """Since the first frame."""
     reusable: Mapping[str, Reusable] = dataclasses.field(default_factory=dict)
     """Results that serve again while nothing changes, by effect: a cache, without which the same comes."""
+    found: Mapping[str, Mapping[str, Reduced]] = dataclasses.field(default_factory=dict)
+    """What planning found of each effect's levels: see `make_plan`."""
 
 
 @dataclasses.dataclass(frozen=True, eq=False)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Callable
 
 import msgspec
@@ -9,7 +10,7 @@ import numpy as np
 
 from entoptic.pipeline.budget import Choice
 from entoptic.pipeline.effects import EFFECTS, Effects
-from entoptic.pipeline.effects.effect import SKIPPED
+from entoptic.pipeline.effects.effect import SKIPPED, Effect
 from entoptic.pipeline.eye_pose import EyePose
 from entoptic.pipeline.frame import Display, Frame, View
 from entoptic.pipeline.observer import Observer
@@ -30,19 +31,29 @@ def warm_up(
     """Renders frames that call for everything, at every level that a budget may choose; until `stopped`.
 
     A lamp too bright for float32 compiles another way of glare, a pupil between two computed ones makes a kernel of
-    two, and dark tiles alone and fades are compiled apart. So is the frame as a renderer displays it.
+    two, and dark tiles alone and fades are compiled apart. So is the frame as a renderer displays it, and each set of
+    neighbours that run in one pass.
     """
     in_full = Planning(everything=True, leave_out=planning.leave_out)
     reduced = [] if planning.budget_ms is None else _reduced(effects)
+    if planning.everything:
+        neighbours: list[frozenset[str]] = []
+    else:
+        neighbours = [planning.leave_out | left_out for left_out in _left_out_of_passes(effects)]
     lamp = np.zeros((images, 3, view.height_px, view.width_px), np.float32)
-    for lamp_cd_m2, asked in ((5e3, effects), (1e6, effects), *((5e3, one) for one in reduced)):
+    for lamp_cd_m2, asked, plan in (
+        (5e3, effects, in_full),
+        (1e6, effects, in_full),
+        *((5e3, one, in_full) for one in reduced),
+        *((5e3, effects, Planning(everything=True, leave_out=leave_out)) for leave_out in neighbours),
+    ):
         if stopped():
             return
         # A colour that no display has at that luminance: what maps it is compiled as well.
         lamp[:, :2, view.height_px // 2, view.width_px // 2] = lamp_cd_m2
         frame = Frame.from_rgb(lamp, view.fov_deg)
         perceive(
-            frame, EyePose(pupil_diameter_mm=4.1), observer=observer, display=display, effects=asked, planning=in_full
+            frame, EyePose(pupil_diameter_mm=4.1), observer=observer, display=display, effects=asked, planning=plan
         )
     if stopped():
         return
@@ -76,3 +87,16 @@ def _reduced(effects: Effects) -> list[Effects]:
         for level in effect.reduced_levels(settings)
         if level != SKIPPED
     ]
+
+
+def _left_out_of_passes(effects: Effects) -> list[frozenset[str]]:
+    """Each set of effects that passes may do without, but for none."""
+    names = [
+        effect.name
+        for effect in EFFECTS
+        if effect.optional
+        and type(effect).pointwise is not Effect.pointwise
+        and effect.is_on(effect.settings_of(effects))
+    ]
+    sets = (itertools.combinations(names, count) for count in range(1, len(names) + 1))
+    return [frozenset(one) for one in itertools.chain.from_iterable(sets)]

@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 from entoptic.pipeline.ranges import Change, Range
 
 if TYPE_CHECKING:
+    from entoptic.pipeline.effects.pointwise import Pointwise
     from entoptic.pipeline.eye_context import EyeContext
 
 SettingsT = TypeVar("SettingsT", bound=msgspec.Struct)
@@ -101,6 +102,8 @@ class Effect(abc.ABC, Generic[SettingsT, MemoryT]):
     """Whether a plan may leave it out."""
     seen_by_threshold: ClassVar[bool] = False
     """Whether a change in cd/m² below the eye's threshold counts as not seen (it must be one of the scene's light)."""
+    needs_picture: ClassVar[bool] = False
+    """Whether `pointwise` looks at the image, so that it begins a pass."""
     costs: Mapping[str, Cost]
     """Of each level, on two cores of a Xeon at 2.5 GHz: medians at 1440×1600."""
 
@@ -166,6 +169,21 @@ class Effect(abc.ABC, Generic[SettingsT, MemoryT]):
     def left_out(self, picture: Picture, eyes: Sequence[EyeContext]) -> Float[Array, "eye 3 y x"]:
         """The images where it does not run: what it would have drawn of its own is not to be missed."""
         return picture.image
+
+    def pointwise(
+        self,
+        picture: Picture,
+        eyes: Sequence[EyeContext],
+        settings: SettingsT,
+        level: str,
+        tiles: NDArray[np.bool_] | None,
+    ) -> Pointwise | None:
+        """The same, but for rounding, as a function of each pixel, that it may run with its neighbours in one pass.
+
+        `picture` is what stands before the pass: what is worked out of it here must come from the first effect of a
+        pass, and `needs_picture` says so. None: `apply` alone does it.
+        """
+        return None
 
     @abc.abstractmethod
     def bound(self, ranges: TileRanges, eye: EyeContext, settings: SettingsT, level: str) -> Change:

@@ -34,37 +34,47 @@ class Chain:
         self._eye = eye
         self._stages: dict[str, tuple[Effect[Any, Any], Any, TileRanges]] = {}
         self._reduced: dict[tuple[str, str], Change] = {}
-        self.affected: dict[str, NDArray[np.bool_] | None] = {}
-        """By effect: tiles (row, column) that it may change at all."""
-        range_ = scene = eye.measured.range_cd_m2
-        self._unchanged = np.zeros_like(range_.low)
-        for effect in EFFECTS:
-            settings = effect.settings_of(eye.effects)
-            if not effect.is_on(settings):
-                continue
-            ranges = TileRanges(range_, scene)
-            self._stages[effect.name] = effect, settings, ranges
-            self.affected[effect.name] = effect.affected_tiles(ranges, eye, settings)
-            hidden = self.reduced(effect.name, SKIPPED) if effect.optional else self._unchanged
-            range_ = effect.ranges_after(ranges, hidden, eye, settings)
-            if effect.domain is Domain.SCENE:
-                scene = range_
-        self._shown = range_
+        self._last = TileRanges(eye.measured.range_cd_m2, eye.measured.range_cd_m2)
+        """Behind the last stage that was worked out: they are when they are asked for."""
+        self._to_come = [effect for effect in EFFECTS if effect.is_on(effect.settings_of(eye.effects))]
+        self._unchanged = np.zeros_like(eye.measured.range_cd_m2.low)
 
     @functools.cached_property
     def typical(self) -> Chain:
         """The same of a frame whose tiles are as bright all over as these on average: no bounds, but likely errors."""
         return Chain(dataclasses.replace(self._eye, measured=averaged(self._eye.measured)))
 
+    def affected(self, effect: Effect[Any, Any]) -> NDArray[np.bool_] | None:
+        """Tiles (row, column) that an effect may change at all; None: perhaps all."""
+        if type(effect).affected_tiles is Effect.affected_tiles:
+            return None
+        of, settings, ranges = self._stage(effect.name)
+        return of.affected_tiles(ranges, self._eye, settings)
+
+    def _stage(self, name: str) -> tuple[Effect[Any, Any], Any, TileRanges]:
+        while name not in self._stages:
+            self._advance()
+        return self._stages[name]
+
+    def _advance(self) -> None:
+        effect, before = self._to_come.pop(0), self._last
+        settings = effect.settings_of(self._eye.effects)
+        self._stages[effect.name] = effect, settings, before
+        hidden = self.reduced(effect.name, SKIPPED) if effect.optional else self._unchanged
+        after = effect.ranges_after(before, hidden, self._eye, settings)
+        self._last = TileRanges(after, after if effect.domain is Domain.SCENE else before.scene)
+
     def reduced(self, effect: str, level: str) -> Change:
         """The most by which this level of an effect differs from it in full, right behind it, all before it in full."""
         if (effect, level) not in self._reduced:
-            of, settings, ranges = self._stages[effect]
+            of, settings, ranges = self._stage(effect)
             self._reduced[effect, level] = of.bound(ranges, self._eye, settings, level)
         return self._reduced[effect, level]
 
     def code_values(self, weights: Weights) -> NDArray[np.float64]:
         """By how many code values a pixel of each tile may differ from the full picture, if effects run so weighed."""
+        while self._to_come:
+            self._advance()
         change = scene = self._unchanged
         for effect, settings, ranges in self._stages.values():
             before = TileChanges(change, scene)
@@ -82,7 +92,7 @@ class Chain:
                     change = self._unchanged
             if effect.domain is Domain.SCENE:
                 scene = change
-        return code_values(change, self._shown, self._eye.display)
+        return code_values(change, self._last.image, self._eye.display)
 
     def _behind(
         self, effect: Effect[Any, Any], settings: Any, level: str, before: TileChanges, ranges: TileRanges

@@ -22,11 +22,14 @@ from entoptic.pipeline.plan.steps import OFF, Plan, Step
 
 RESERVE_SHARE = 0.13
 """Of a budget that is not planned with. Engineering choice: 95 % of frames take at most 1.15 times the median."""
+REVIEW_S = 0.1
+"""An effect in full is looked at again so often, to see whether it is still called for. Engineering choice: it costs
+more than some effects, and to keep one for a tenth of a second longer changes nothing of the picture for the worse."""
 PARTS = ("measure", "plan", "encode")
 """What every frame takes beside its effects."""
 
 AnyEffect = Effect[Any, Any]
-Found = dict[str, dict[str, Reduced]]
+Found = Mapping[str, Mapping[str, Reduced]]
 """By effect and reduced level: what it may change, in the eye that it changes most."""
 
 
@@ -38,6 +41,8 @@ class Planned:
     choices: dict[str, Choice]
     tiles: dict[str, NDArray[np.bool_] | None]
     """By effect: tiles (row, column) of the ranges that it may change in any eye; None: perhaps all."""
+    found: Found
+    """What was found of levels short of full, in this frame or lately (REVIEW_S)."""
 
 
 def make_plan(
@@ -45,6 +50,7 @@ def make_plan(
     planning: Planning = Planning(),
     *,
     before: Mapping[str, Choice] | None = None,
+    found: Found | None = None,
     dt_s: float = 0.0,
     costs: CostModel = SHIPPED,
 ) -> Planned:
@@ -55,8 +61,11 @@ def make_plan(
     Under a budget, the plan of least predicted error that fits: up to the tolerance errors count nothing, beyond it
     what they would be on average if every tile were as bright all over as it is on average. Lights of their own are in
     no range: beside them nothing can be proven, and nothing is left out.
+
+    What is left out is proven for each frame. What runs in full needs no proof: what was `found` of it before serves
+    for REVIEW_S, in which only the figures of its reason are so old.
     """
-    return _Planner(eyes, planning, before or {}, dt_s, costs).planned()
+    return _Planner(eyes, planning, before or {}, found or {}, dt_s, costs).planned()
 
 
 class _Planner:
@@ -67,6 +76,7 @@ class _Planner:
         eyes: Sequence[EyeContext],
         planning: Planning,
         before: Mapping[str, Choice],
+        found: Found,
         dt_s: float,
         costs: CostModel,
     ) -> None:
@@ -78,6 +88,7 @@ class _Planner:
         self._fixed = [effect for effect in on if not effect.optional]
         self._megapixels = eyes[0].frame.rgb_cd_m2.size / 3e6
         self._lights = len(eyes[0].lights)
+        self._found = found if dt_s > 0 and not _is_review(eyes[0].time_s, dt_s) else {}
 
     def planned(self) -> Planned:
         planning, in_full = self._planning, self._planning.everything and not self._planning.leave_out
@@ -90,7 +101,7 @@ class _Planner:
             # Nothing fits and nothing is left to fade out: no need to weigh what is best.
             names = frozenset(effect.name for effect in self._optional)
             self._planning = msgspec.structs.replace(planning, leave_out=names)
-        found = {effect.name: {} if in_full else self._reduced(effect, chains) for effect in self._optional}
+        found: Found = {effect.name: {} if in_full else self._reduced(effect, chains) for effect in self._optional}
         choices = settle(
             self._before,
             {effect.name: self._options(effect.name, found[effect.name]) for effect in self._optional},
@@ -107,7 +118,9 @@ class _Planner:
         bound = 0.0
         if weights:
             bound = math.inf if self._lights else max(float(chain.code_values(weights).max()) for chain in chains)
-        return Planned(Plan(steps, bound), choices, {} if planning.everything else _affected(chains))
+        running = [effect for effect, step in zip(EFFECTS, steps, strict=True) if chains and step.runs]
+        tiles = {} if planning.everything else {effect.name: _affected(effect, chains) for effect in running}
+        return Planned(Plan(steps, bound), choices, tiles, found)
 
     def _fixed_ms(self) -> float:
         """What every frame takes, its making included, whatever is planned."""
@@ -127,9 +140,19 @@ class _Planner:
     def _levels(self, effect: AnyEffect) -> Sequence[str]:
         return effect.reduced_levels(self._settings[effect.name])
 
-    def _reduced(self, effect: AnyEffect, chains: Sequence[Chain]) -> dict[str, Reduced]:
+    def _kept(self, name: str) -> Mapping[str, Reduced] | None:
+        """What was found lately of an effect that is in full and called for: it needs no proof."""
+        found, choice = self._found.get(name), self._before.get(name)
+        if not found or choice is None or name in self._planning.leave_out:
+            return None
+        called_for = all(one.error_code_values > self._planning.tolerance_code_values for one in found.values())
+        return found if called_for and choice.weights == {self._full[name]: 1.0} else None
+
+    def _reduced(self, effect: AnyEffect, chains: Sequence[Chain]) -> Mapping[str, Reduced]:
         """What each level short of full that is open to an effect may change."""
         name, planning = effect.name, self._planning
+        if (kept := self._kept(name)) is not None:
+            return kept
         if name in planning.leave_out:
             levels: Sequence[str] = [SKIPPED]
         else:
@@ -137,9 +160,7 @@ class _Planner:
         held = self._before[name].weights.keys() if name in self._before else set()
         found: dict[str, Reduced] = {}
         for level in levels:
-            of_eyes = [
-                self._reduced_of(effect, level, eye, chain) for eye, chain in zip(self._eyes, chains, strict=True)
-            ]
+            of_eyes = [self._reduced_of(effect, level, which, chain) for which, chain in enumerate(chains)]
             worst = max(of_eyes, key=lambda reduced: reduced.error_code_values)
             most = max(reduced.bound_code_values for reduced in of_eyes)
             found[level] = dataclasses.replace(worst, bound_code_values=most)
@@ -147,8 +168,8 @@ class _Planner:
                 break  # nothing dearer can be called for
         return found
 
-    def _reduced_of(self, effect: AnyEffect, level: str, eye: EyeContext, chain: Chain) -> Reduced:
-        planning, name = self._planning, effect.name
+    def _reduced_of(self, effect: AnyEffect, level: str, which: int, chain: Chain) -> Reduced:
+        planning, name, eye = self._planning, effect.name, self._eyes[which]
         tolerance = planning.tolerance_code_values
         change = chain.reduced(name, level)
         of_tiles = chain.code_values({name: {level: 1.0}}) if change.any() else np.zeros(1)
@@ -165,7 +186,7 @@ class _Planner:
                 # A bound is the same for all of a lamp's tile: effects are weighed by what tiles hold on average.
                 of_tiles = chain.typical.code_values({name: {level: 1.0}})
             error = max(float(of_tiles.mean()), math.nextafter(tolerance, math.inf))
-        return Reduced(eye, error, worst, change_cd_m2, threshold_cd_m2)
+        return Reduced(which, error, worst, change_cd_m2, threshold_cd_m2)
 
     def _options(self, name: str, found: Mapping[str, Reduced]) -> list[Option]:
         if name in self._planning.leave_out:
@@ -206,10 +227,15 @@ class _Planner:
         return Step(name, choice.level, reason, bound, choice.fade_from, choice.fade)
 
 
-def _affected(chains: Sequence[Chain]) -> dict[str, NDArray[np.bool_] | None]:
+def _is_review(time_s: float, dt_s: float) -> bool:
+    """Whether REVIEW_S passed since the frame before: by the clock of all frames, so a session that goes on from a
+    checkpoint looks again when it would have.
+    """
+    return math.floor(time_s / REVIEW_S) != math.floor((time_s - dt_s) / REVIEW_S)
+
+
+def _affected(effect: AnyEffect, chains: Sequence[Chain]) -> NDArray[np.bool_] | None:
     """Tiles that an effect may change in any eye."""
-    found: dict[str, NDArray[np.bool_] | None] = {}
-    for name in chains[0].affected:
-        of_eyes = [tiles for chain in chains if (tiles := chain.affected[name]) is not None]
-        found[name] = np.any(of_eyes, axis=0) if len(of_eyes) == len(chains) else None
-    return found
+    of_eyes = [chain.affected(effect) for chain in chains]
+    known = [tiles for tiles in of_eyes if tiles is not None]
+    return np.any(known, axis=0) if len(known) == len(of_eyes) else None

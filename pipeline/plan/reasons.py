@@ -16,11 +16,12 @@ NAMED_SHARE = 0.25
 """Of a budget, from which on the scene is named. Engineering choice."""
 
 
-@dataclasses.dataclass(frozen=True, eq=False)
+@dataclasses.dataclass(frozen=True)
 class Reduced:
     """What a level short of full may change, in one eye."""
 
-    eye: EyeContext
+    which: int
+    """Which of the eyes."""
     error_code_values: float
     """What it counts: see make_plan."""
     bound_code_values: float
@@ -58,7 +59,7 @@ def reason_of(
     reduced = found.get(level) or found.get(SKIPPED)
     if reduced is None:
         return "beside lights of their own nothing is left out" if eyes[0].lights else "it was asked for"
-    why = effect.reason(reduced.eye, settings)
+    why = effect.reason(eyes[reduced.which], settings)
     fits = reduced.error_code_values <= tolerance
     if level not in found:
         stays = "; it stays until that has lasted 0.5 s" if fits else ""

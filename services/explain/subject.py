@@ -11,8 +11,21 @@ from typing import Any
 
 import msgspec
 import numpy as np
+from jaxtyping import Array, Float
 
-from entoptic.pipeline import EyePose, Frame, FrameError, Light, Perceived, Planning, RenderState, View, perceive
+from entoptic.pipeline import (
+    EyePose,
+    Frame,
+    FrameError,
+    Light,
+    Perceived,
+    Plan,
+    Planning,
+    RenderState,
+    View,
+    light_after,
+    perceive,
+)
 from entoptic.pipeline.budget import CostModel
 from entoptic.pipeline.scenes import Head, image_file, open_scene
 from entoptic.services.config import StillConfig
@@ -50,6 +63,20 @@ class Subject:
             state=None if self.adapted_cd_m2 is None else RenderState(self.adapted_cd_m2),
             effects=self.settings,
             planning=planning or self.settings.plan,
+            costs=costs,
+        )
+
+    def light_after(self, effect: str, costs: CostModel) -> tuple[Float[Array, "eye 3 y x"], Plan]:
+        """Its light in cd/m² as one effect leaves it; see `light_after`."""
+        return light_after(
+            effect,
+            self.frame,
+            self.poses,
+            observer=self.settings.observer,
+            display=self.settings.display,
+            state=None if self.adapted_cd_m2 is None else RenderState(self.adapted_cd_m2),
+            effects=self.settings,
+            planning=self.settings.plan,
             costs=costs,
         )
 

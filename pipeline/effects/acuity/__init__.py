@@ -20,13 +20,15 @@ import numpy as np
 from jaxtyping import Array, Float
 from numpy.typing import NDArray
 
+from entoptic.pipeline.effects.acuity import fit
 from entoptic.pipeline.effects.acuity.bounds import dark_tiles, limit_cd_m2, propagate, skip_bound
 from entoptic.pipeline.effects.acuity.cielab import EPSILON, KAPPA, WHITE_CD_M2, lightness, luminance_of
-from entoptic.pipeline.effects.acuity.fit import LIMIT_CD_M2, RADIUS_PX, dark_acuity
+from entoptic.pipeline.effects.acuity.fit import LIMIT_CD_M2, RADIUS_PX, add_grey, dark_acuity
 from entoptic.pipeline.effects.acuity.krawczyk import krawczyk_acuity
 from entoptic.pipeline.effects.acuity.settings import Acuity, AcuityMethod
-from entoptic.pipeline.effects.acuity.tiles import dark_acuity_of_tiles
+from entoptic.pipeline.effects.acuity.tiles import change_of_luminance
 from entoptic.pipeline.effects.effect import Cost, Domain, Effect, Picture, TileChanges, TileRanges
+from entoptic.pipeline.effects.pointwise import Pointwise
 from entoptic.pipeline.frame import FrameError
 from entoptic.pipeline.oracles.acuity import reference_acuity
 from entoptic.pipeline.ranges import Change
@@ -81,7 +83,7 @@ def reduce_acuity(
         return jnp.asarray(reference_acuity(np.asarray(rgb), pixels_per_deg, settings), jnp.float32)
     if settings.method is AcuityMethod.KRAWCZYK:
         return krawczyk_acuity(rgb, pixels_per_deg, settings.display_limit)
-    return dark_acuity(rgb) if tiles is None else dark_acuity_of_tiles(rgb, tiles, tile_px)
+    return dark_acuity(rgb) if tiles is None else add_grey(rgb, change_of_luminance(rgb, tiles, tile_px))
 
 
 if TYPE_CHECKING:
@@ -94,6 +96,7 @@ class AcuityEffect(Effect[Acuity, None]):
     name = "acuity"
     domain = Domain.SCENE
     Settings = Acuity
+    needs_picture = True
     costs: Mapping[str, Cost] = {"fit": Cost(0.5, 8.0), "krawczyk": Cost(1.0, 28.0)}
 
     def full_level(self, settings: Acuity) -> str:
@@ -112,6 +115,20 @@ class AcuityEffect(Effect[Acuity, None]):
     ) -> Float[Array, "eye 3 y x"]:
         tile_px = eyes[0].measured.range_cd_m2.tile_px
         return reduce_acuity(picture.image, eyes[0].view.ppd_centre, settings, tiles, tile_px)
+
+    def pointwise(
+        self,
+        picture: Picture,
+        eyes: Sequence[EyeContext],
+        settings: Acuity,
+        level: str,
+        tiles: NDArray[np.bool_] | None,
+    ) -> Pointwise | None:
+        if settings.reference or settings.method is not AcuityMethod.FIT or (tiles is not None and not tiles.any()):
+            return None
+        rgb, tile_px = picture.image, eyes[0].measured.range_cd_m2.tile_px
+        change = fit.change_of_luminance(rgb) if tiles is None else change_of_luminance(rgb, tiles, tile_px)
+        return Pointwise(fit.add_grey_to_planes, self.domain, planes=(change,))
 
     def bound(self, ranges: TileRanges, eye: EyeContext, settings: Acuity, level: str) -> Change:
         return skip_bound(ranges.image, eye.view.ppd_centre, settings)

@@ -1,9 +1,8 @@
 """LUI's fast fit (LUI 5.3, 5.16): σ = max(1 − L*, 0) px, blurred along rows, then along columns, 7 taps each.
 
-Only pixels darker than 0.11 cd/m² (L* = 1) are touched at all. What a frame costs is bytes and exponentials, so:
-each stage is a function of its own, or XLA would fuse the cheap end of one into the next and compute it once for each
-channel; a pass has one exponential, w = exp(−1/2σ²), since the taps weigh w, w⁴ and w⁹; and the one frame with a margin
-serves both passes.
+Only pixels darker than 0.11 cd/m² (L* = 1) are touched at all. What a frame costs is bytes and exponentials, so: the
+stages are kept apart; a pass has one exponential, w = exp(−1/2σ²), since the taps weigh w, w⁴ and w⁹; and the one frame
+with a margin serves both passes.
 """
 
 from __future__ import annotations
@@ -16,7 +15,8 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from entoptic.pipeline.effects.acuity.cielab import CD_M2_PER_LIGHTNESS, lightness, luminance_of
-from entoptic.pipeline.fast_math import exp2
+from entoptic.pipeline.effects.pointwise import Planes
+from entoptic.pipeline.fast_math import clip, exp2, larger, smaller
 from entoptic.pipeline.measure import luminance
 
 LIMIT_CD_M2 = CD_M2_PER_LIGHTNESS
@@ -31,14 +31,24 @@ LEAST_WEIGHT = np.float32(2e-4)
 
 def dark_acuity(rgb: Float[Array, "eye 3 y x"]) -> Float[Array, "eye 3 y x"]:
     """A frame in cd/m² with its dark parts blurred."""
-    padded = with_margin(_lightness(rgb))
-    return add_grey(rgb, luminance_change(blurred_rows(padded), padded))
-
-
-_lightness = jax.jit(lambda rgb: lightness(luminance(rgb)))
+    return add_grey(rgb, change_of_luminance(rgb))
 
 
 @jax.jit
+def change_of_luminance(rgb: Float[Array, "eye 3 y x"]) -> Float[Array, "eye y x"]:
+    """What the blur changes each pixel's luminance by, in cd/m²."""
+    # Kept apart, or XLA would fuse the cheap end of one stage into the next and compute it once for each tap.
+    (lit,) = jax.lax.optimization_barrier((lightness(luminance(rgb)),))
+    (padded,) = jax.lax.optimization_barrier((with_margin(lit),))
+    return change_of_padded(padded)
+
+
+def change_of_padded(padded: Float[Array, "eye y+6 x+6"]) -> Float[Array, "eye y x"]:
+    """The same of lightness with a margin."""
+    (rows,) = jax.lax.optimization_barrier((blur(padded, 2),))
+    return luminance_change(rows, padded)
+
+
 def with_margin(values: Float[Array, "eye y x"]) -> Float[Array, "eye y+6 x+6"]:
     """The frame with its edge repeated RADIUS_PX times on all sides."""
     height, width = values.shape[1:]
@@ -63,17 +73,17 @@ def with_margin(values: Float[Array, "eye y x"]) -> Float[Array, "eye y+6 x+6"]:
     return padded
 
 
-blurred_rows = jax.jit(lambda padded: blur(padded, 2))
-"""(eye, y + 6, x + 6) to (eye, y + 6, x)."""
-
-
-@jax.jit
 def luminance_change(rows: Float[Array, "eye y+6 x"], padded: Float[Array, "eye y+6 x+6"]) -> Float[Array, "eye y x"]:
     """What the blur changes each luminance by, in cd/m²: from blurred rows and the lightness that they are of."""
     sharp = padded[:, RADIUS_PX:-RADIUS_PX, RADIUS_PX:-RADIUS_PX]
     # A dark pixel is in the linear part of CIELAB; what it is blurred to need not be.
     change = luminance_of(blur(rows, 1)) - sharp * np.float32(CD_M2_PER_LIGHTNESS)
     return jnp.where(sharp < 1, change, 0)
+
+
+def add_grey_to_planes(image: Planes, scene: Planes, numbers: tuple[()], planes: Planes, tables: tuple[()]) -> Planes:
+    """`add_grey` as one of a pass's functions; `planes` has the change alone."""
+    return tuple(larger(plane + planes[0], smaller(plane, 0)) for plane in image)
 
 
 @jax.jit
@@ -84,7 +94,7 @@ def add_grey(rgb: Float[Array, "eye 3 y x"], change: Float[Array, "eye y x"]) ->
     R, G and B: that is done here, without the way to CIELAB and back. No channel falls below 0 by it; one that was
     below, a colour outside the display's, falls no further.
     """
-    return jnp.maximum(rgb + change[:, None], jnp.minimum(rgb, 0))
+    return larger(rgb + change[:, None], smaller(rgb, 0))
 
 
 def blur(values: Float[Array, "eye y x"], axis: int) -> Float[Array, "eye y x"]:
@@ -94,9 +104,9 @@ def blur(values: Float[Array, "eye y x"], axis: int) -> Float[Array, "eye y x"]:
     def tap(offset: int) -> Float[Array, "eye y x"]:
         return jax.lax.slice_in_dim(values, RADIUS_PX + offset, RADIUS_PX + offset + size, axis=axis)
 
-    sigma = jnp.clip(1 - tap(0), 0, 1)
-    first = exp2(np.float32(-0.5 / math.log(2)) / jnp.maximum(sigma * sigma, LEAST_VARIANCE))
-    base = jnp.maximum(first, LEAST_WEIGHT)
+    sigma = clip(1 - tap(0), 0, 1)
+    first = exp2(np.float32(-0.5 / math.log(2)) / larger(sigma * sigma, LEAST_VARIANCE))
+    base = larger(first, LEAST_WEIGHT)
     fourth = base * base * base * base
     ninth = fourth * fourth * base
     total = tap(0) + first * (tap(-1) + tap(1)) + fourth * (tap(-2) + tap(2)) + ninth * (tap(-3) + tap(3))

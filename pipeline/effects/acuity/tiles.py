@@ -26,35 +26,32 @@ WORTHWHILE = 0.4
 """Share of blocks that are dark from which on the whole frame is cheaper (docs/acuity.md)."""
 
 
-def dark_acuity_of_tiles(
+def change_of_luminance(
     rgb: Float[Array, "eye 3 y x"], tiles: NDArray[np.bool_], tile_px: int
-) -> Float[Array, "eye 3 y x"]:
-    """A frame in cd/m² with its dark parts blurred where they lie in these tiles of `tile_px` (rows, columns).
+) -> Float[Array, "eye y x"]:
+    """What the blur changes each pixel's luminance by, in cd/m², in these tiles of `tile_px` (rows, columns).
 
-    The same as `fit.dark_acuity` if every pixel below LIMIT_CD_M2 lies in one of them.
+    The same as `fit.change_of_luminance` if every pixel below LIMIT_CD_M2 lies in one of them.
     """
     height, width = rgb.shape[2:]
     side = max(BLOCK_PX // tile_px, 1)
     block_px = side * tile_px
-    if not tiles.any():
-        return rgb
     rows, columns = -(-tiles.shape[0] // side), -(-tiles.shape[1] // side)
     padded = np.zeros((rows * side, columns * side), bool)
     padded[: tiles.shape[0], : tiles.shape[1]] = tiles
     blocks = np.argwhere(padded.reshape(rows, side, columns, side).any((1, 3)))
     small = min(height, width) < block_px + 2 * fit.RADIUS_PX
     if small or len(blocks) > WORTHWHILE * rows * columns:
-        return fit.dark_acuity(rgb)
+        return fit.change_of_luminance(rgb)
     corners = np.minimum(blocks * block_px, (height - block_px, width - block_px))
     eyes = np.arange(rgb.shape[0])
     places = np.array([(eye, *corner) for eye in eyes for corner in corners], np.int32)
-    result = jnp.array(rgb, copy=True)
+    result = jnp.zeros((rgb.shape[0], height, width), jnp.float32)
     for start in range(0, len(places), AT_ONCE):
         # The last of them again and again, where they do not fill up: it is the same each time.
         some = places[np.minimum(np.arange(start, start + AT_ONCE), len(places) - 1)]
-        lit = _lightness_of(_cut(rgb, _inside(some, rgb.shape, block_px), block_px), _within(some, rgb.shape, block_px))
-        change = fit.luminance_change(fit.blurred_rows(lit), lit)
-        result = _put(result, rgb, change, some)
+        inside, within = _inside(some, rgb.shape, block_px), _within(some, rgb.shape, block_px)
+        result = _with_blocks(result, rgb, some, inside, within, block_px)
     return result
 
 
@@ -74,7 +71,19 @@ def _within(places: Int[np.ndarray, "block 3"], shape: tuple[int, ...], block_px
     ).astype(np.int32)
 
 
-@functools.partial(jax.jit, static_argnums=2)
+@functools.partial(jax.jit, static_argnames="block_px", donate_argnums=0)
+def _with_blocks(
+    result: Float[Array, "eye y x"],
+    rgb: Float[Array, "eye 3 y x"],
+    places: Int[Array, "block 3"],
+    inside: Int[Array, "block 3"],
+    within: Int[Array, "2 block p"],
+    block_px: int,
+) -> Float[Array, "eye y x"]:
+    (lit,) = jax.lax.optimization_barrier((_lightness_of(_cut(rgb, inside, block_px), within),))
+    return _put(result, fit.change_of_padded(lit), places)
+
+
 def _cut(rgb: Float[Array, "eye 3 y x"], places: Int[Array, "block 3"], block_px: int) -> Float[Array, "block 3 p p"]:
     side = block_px + 2 * fit.RADIUS_PX
 
@@ -84,25 +93,16 @@ def _cut(rgb: Float[Array, "eye 3 y x"], places: Int[Array, "block 3"], block_px
     return jax.lax.map(one, places)
 
 
-@jax.jit
 def _lightness_of(cut: Float[Array, "block 3 p p"], within: Int[Array, "2 block p"]) -> Float[Array, "block p p"]:
-    lit = lightness(luminance(cut))
+    (lit,) = jax.lax.optimization_barrier((lightness(luminance(cut)),))
     rows = jnp.take_along_axis(lit, within[0][:, :, None], 1)
     return jnp.take_along_axis(rows, within[1][:, None, :], 2)
 
 
-@functools.partial(jax.jit, donate_argnums=0)
 def _put(
-    result: Float[Array, "eye 3 y x"],
-    rgb: Float[Array, "eye 3 y x"],
-    change: Float[Array, "block p p"],
-    places: Int[Array, "block 3"],
-) -> Float[Array, "eye 3 y x"]:
-    size = (1, 3, *change.shape[1:])
-
-    def one(k: int, result: Float[Array, "eye 3 y x"]) -> Float[Array, "eye 3 y x"]:
-        corner = (places[k, 0], jnp.int32(0), places[k, 1], places[k, 2])
-        changed = fit.add_grey(jax.lax.dynamic_slice(rgb, corner, size), change[k][None])
-        return jax.lax.dynamic_update_slice(result, changed, corner)
+    result: Float[Array, "eye y x"], change: Float[Array, "block p p"], places: Int[Array, "block 3"]
+) -> Float[Array, "eye y x"]:
+    def one(k: int, result: Float[Array, "eye y x"]) -> Float[Array, "eye y x"]:
+        return jax.lax.dynamic_update_slice(result, change[k][None], (places[k, 0], places[k, 1], places[k, 2]))
 
     return jax.lax.fori_loop(0, places.shape[0], one, result)

@@ -20,8 +20,9 @@ from entoptic.pipeline.effects.effect import Cost, Domain, Effect, Picture, Tile
 from entoptic.pipeline.effects.night_colour.bounds import propagate, skip_bound
 from entoptic.pipeline.effects.night_colour.settings import NightColour, NightMethod
 from entoptic.pipeline.effects.night_colour.share import adapted_share
-from entoptic.pipeline.effects.night_colour.shift import night_tint, shift
+from entoptic.pipeline.effects.night_colour.shift import night_tint, of_pixels, shift
 from entoptic.pipeline.effects.night_colour.tints import TINT
+from entoptic.pipeline.effects.pointwise import Pointwise, image_after
 from entoptic.pipeline.oracles import night_colour as oracle
 from entoptic.pipeline.ranges import Change
 from entoptic.pipeline.words import darkness
@@ -66,7 +67,17 @@ class NightColourEffect(Effect[NightColour, None]):
         level: str,
         tiles: NDArray[np.bool_] | None,
     ) -> Float[Array, "eye 3 y x"]:
-        return shift(picture.image, [eye.adapted_cd_m2 for eye in eyes], settings, picture.scene)
+        return image_after(picture, [self.pointwise(picture, eyes, settings, level, tiles)])
+
+    def pointwise(
+        self,
+        picture: Picture,
+        eyes: Sequence[EyeContext],
+        settings: NightColour,
+        level: str,
+        tiles: NDArray[np.bool_] | None,
+    ) -> Pointwise:
+        return of_pixels([eye.adapted_cd_m2 for eye in eyes], settings)
 
     def bound(self, ranges: TileRanges, eye: EyeContext, settings: NightColour, level: str) -> Change:
         return skip_bound(ranges.image, eye.adapted_cd_m2, settings, ranges.scene)

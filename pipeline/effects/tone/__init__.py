@@ -21,6 +21,7 @@ from jaxtyping import Array, Float
 from numpy.typing import NDArray
 
 from entoptic.pipeline.effects.effect import Cost, Domain, Effect, Picture, TileChanges, TileRanges
+from entoptic.pipeline.effects.pointwise import Pointwise, image_after
 from entoptic.pipeline.effects.tone.bounds import propagate, shown
 from entoptic.pipeline.effects.tone.code_values import code_values
 from entoptic.pipeline.effects.tone.filmic import (
@@ -32,7 +33,7 @@ from entoptic.pipeline.effects.tone.filmic import (
 )
 from entoptic.pipeline.effects.tone.own_curve import read_curve
 from entoptic.pipeline.effects.tone.settings import Hue, Operator, Tone
-from entoptic.pipeline.effects.tone.show import full_cd_m2, show
+from entoptic.pipeline.effects.tone.show import full_cd_m2, of_pixels, show
 from entoptic.pipeline.oracles import operators
 from entoptic.pipeline.ranges import Change, Range
 
@@ -95,8 +96,18 @@ class ToneEffect(Effect[Tone, None]):
         level: str,
         tiles: NDArray[np.bool_] | None,
     ) -> Float[Array, "eye 3 y x"]:
+        return image_after(picture, [self.pointwise(picture, eyes, settings, level, tiles)])
+
+    def pointwise(
+        self,
+        picture: Picture,
+        eyes: Sequence[EyeContext],
+        settings: Tone,
+        level: str,
+        tiles: NDArray[np.bool_] | None,
+    ) -> Pointwise:
         adapted_cd_m2, target_cd_m2 = [eye.adapted_cd_m2 for eye in eyes], [eye.target_cd_m2 for eye in eyes]
-        return show(picture.image, adapted_cd_m2, target_cd_m2, settings, eyes[0].display)
+        return of_pixels(adapted_cd_m2, target_cd_m2, settings, eyes[0].display, tiles)
 
     def bound(self, ranges: TileRanges, eye: EyeContext, settings: Tone, level: str) -> Change:
         return np.zeros_like(ranges.image.low)

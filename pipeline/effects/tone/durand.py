@@ -5,13 +5,13 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
-import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 from numpy.typing import NDArray
 
 from entoptic.pipeline.display_light import seen_peak_cd_m2, viewer_cd_m2
-from entoptic.pipeline.effects.tone.hue import weighted
+from entoptic.pipeline.effects.pointwise import weighted
+from entoptic.pipeline.fast_math import larger
 from entoptic.pipeline.frame import LUMINANCE_WEIGHTS, Display
 from entoptic.pipeline.mesopic import HALF_CD_M2, LARSON, larson_ratio
 from entoptic.pipeline.primaries import X_WEIGHTS, Z_WEIGHTS
@@ -40,9 +40,9 @@ def gain(
 
     V/L is Larson's, of what is not below 0. A black pixel stays black whatever its ratio.
     """
-    planes = [jnp.maximum(plane, 0) for plane in planes]
+    planes = [larger(plane, np.float32(0)) for plane in planes]
     x = weighted(planes, X_WEIGHTS)
-    ratio = larson_ratio(weighted(planes, _rows()[0].tolist()) / jnp.maximum(x, np.float32(1e-30)))
+    ratio = larson_ratio(weighted(planes, _rows()[0].tolist()) / larger(x, np.float32(1e-30)))
     return cones + rods * (np.float32(HALF_CD_M2) / (np.float32(HALF_CD_M2) + y)) * ratio
 
 

@@ -12,6 +12,8 @@ import numpy as np
 from jaxtyping import Array, Float
 from numpy.typing import NDArray
 
+from entoptic.pipeline.fast_math import clip, smaller
+
 REFERENCE_PEAK_CD_M2 = 100.0
 """The peak that the ACES fit is made for."""
 MIDDLE_GREY = 0.18
@@ -98,7 +100,7 @@ def gain(y: Float[Array, "eye y x"], scale: Float[Array, "eye 1 1"]) -> Float[Ar
     """The curve of luminance over luminance, for hues that are kept: L_d/L, finite at 0."""
     x = y * scale
     # From FULL on the curve lies above 1 and the second is the smaller.
-    return scale * jnp.minimum(_per_x(jnp.minimum(x, np.float32(FLAT))), 1 / x)
+    return scale * smaller(_per_x(smaller(x, np.float32(FLAT))), 1 / x)
 
 
 def _per_x(x: Values) -> Values:
@@ -146,7 +148,12 @@ def aces(rgb: Float[Array, "eye 3 y x"], exposure: Float[Array, "eye"], peak_cd_
     """
     scale = (exposure * display_scale(peak_cd_m2)).astype(jnp.float32)
     # Spectral colours of glare lie outside the display's, below 0.
-    return jnp.minimum(curve(jnp.clip(rgb * scale[:, None, None, None], 0, np.float32(FLAT))), 1)
+    return component(rgb * scale[:, None, None, None])
+
+
+def component(exposed: Float[Array, "..."]) -> Float[Array, "..."]:
+    """What the display shows of a component by itself."""
+    return smaller(curve(clip(exposed, 0, FLAT)), np.float32(1))
 
 
 def ceiling_cd_m2(exposure: float, peak_cd_m2: float) -> float:

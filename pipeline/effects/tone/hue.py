@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from entoptic.pipeline.display_gamut import WEIGHTS, components_at
 from entoptic.pipeline.effects.tone.settings import Hue
+from entoptic.pipeline.fast_math import larger
 
 TRADED = 0.75
 """A colour too bright for the display is dimmed by its largest component to this power, less towards white: what
@@ -53,12 +54,6 @@ class Mapped:
         return np.asarray(self.below | (self.high.max(0) > 1))
 
 
-def weighted(planes: Sequence[Float[Array, "eye y x"]], weights: Sequence[float]) -> Float[Array, "eye y x"]:
-    """A weighted sum of three planes."""
-    red, green, blue = (np.float32(weight) * plane for weight, plane in zip(weights, planes, strict=True))
-    return red + green + blue
-
-
 def divisor(
     planes: Sequence[Float[Array, "eye y x"]],
     y: Float[Array, "eye y x"],
@@ -70,10 +65,10 @@ def divisor(
     match hue:
         case Hue.RGB:
             # By pairs: a reduction over three planes costs more.
-            largest = jnp.maximum(jnp.maximum(planes[0], planes[1]), planes[2])
-            return jnp.maximum(largest * gain + offset, 1)
+            largest = larger(larger(planes[0], planes[1]), planes[2])
+            return larger(largest * gain + offset, 1)
         case Hue.XYY:
-            return jnp.maximum(y * gain + offset, 1)
+            return larger(y * gain + offset, 1)
         case Hue.CLIP | Hue.OKLAB:
             return jnp.ones_like(gain)
 

@@ -9,12 +9,17 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float
+from numpy.typing import NDArray
 
 from entoptic.pipeline.display_light import seen_peak_cd_m2
 from entoptic.pipeline.effects.adaptation import exposure
+from entoptic.pipeline.effects.effect import Domain, Picture
+from entoptic.pipeline.effects.pointwise import Planes, Pointwise, image_after, weighted
 from entoptic.pipeline.effects.tone import durand, filmic, gamut, own_curve, reinhard, ward
-from entoptic.pipeline.effects.tone.hue import divisor, weighted
+from entoptic.pipeline.effects.tone.hue import divisor
+from entoptic.pipeline.effects.tone.oklab import directions
 from entoptic.pipeline.effects.tone.settings import Hue, Operator, Tone
+from entoptic.pipeline.fast_math import clip, larger
 from entoptic.pipeline.frame import LUMINANCE_WEIGHTS, Display
 
 _BRIGHTEST = 1e15
@@ -33,17 +38,30 @@ def show(
     `adapted_cd_m2` is what each eye is adapted to, `target_cd_m2` what it is on its way to. Components below 0 are
     those of spectral colours, as glare makes them. Raises FrameError where the file of a person's curve cannot be used.
     """
-    if settings.operator is Operator.ACES and settings.hue is Hue.CLIP:
-        return filmic.aces(rgb, np.array([exposure(cd_m2) for cd_m2 in adapted_cd_m2]), seen_peak_cd_m2(display))
-    eyes = [
-        coefficients(adapted, target, settings, display)
-        for adapted, target in zip(adapted_cd_m2, target_cd_m2, strict=True)
-    ]
-    numbers, table = np.array(eyes, np.float32), _table(settings)
+    return image_after(Picture(rgb, rgb), [of_pixels(adapted_cd_m2, target_cd_m2, settings, display)])
+
+
+def of_pixels(
+    adapted_cd_m2: Sequence[float],
+    target_cd_m2: Sequence[float],
+    settings: Tone,
+    display: Display,
+    tiles: NDArray[np.bool_] | None = None,
+) -> Pointwise:
+    """The same as a function of each pixel; `tiles` are those that may hold a colour beyond the display's."""
+    numbers = np.array(
+        [
+            coefficients(adapted, target, settings, display)
+            for adapted, target in zip(adapted_cd_m2, target_cd_m2, strict=True)
+        ],
+        np.float32,
+    )
     if settings.hue is not Hue.OKLAB:
-        return _show(rgb, numbers, *table, settings.operator, settings.hue)
-    clipped, gain, offset, blocks = _show_and_mark(rgb, numbers, *table, settings.operator)
-    return gamut.map_blocks(clipped, rgb, gain, offset, np.asarray(blocks))
+        return Pointwise(_shown, Domain.DISPLAY, (numbers,), (), _curve(settings), (settings.operator, settings.hue))
+    tables = (*_curve(settings), *_directions())
+    return Pointwise(
+        _clipped, Domain.DISPLAY, (numbers,), (), tables, (settings.operator,), exact=_to_white, tiles=tiles
+    )
 
 
 def coefficients(adapted_cd_m2: float, target_cd_m2: float, settings: Tone, display: Display) -> tuple[float, ...]:
@@ -77,62 +95,83 @@ def full_cd_m2(adapted_cd_m2: float, target_cd_m2: float, settings: Tone, displa
             return own_curve.full_cd_m2(own_curve.read_curve(settings.curve), *numbers)
 
 
-def _table(settings: Tone) -> tuple[np.float32, np.float32, np.ndarray]:
-    if settings.operator is not Operator.CURVE:
-        return np.float32(0), np.float32(1), np.zeros(2, np.float32)
-    curve = own_curve.read_curve(settings.curve)
-    return np.float32(curve.first_log10), np.float32(curve.step_log10), curve.shares
+def _curve(settings: Tone) -> tuple[Array, ...]:
+    return _curve_of(settings.curve) if settings.operator is Operator.CURVE else ()
 
 
-@functools.partial(jax.jit, static_argnames=("operator", "hue"))
-def _show(
-    rgb: Float[Array, "eye 3 y x"],
-    numbers: Float[Array, "eye number"],
-    first_log10: Float[Array, ""],
-    step_log10: Float[Array, ""],
-    shares: Float[Array, "sample"],
+@functools.cache
+def _curve_of(path: str) -> tuple[Array, ...]:
+    curve = own_curve.read_curve(path)
+    first, step = (jnp.asarray(number, jnp.float32) for number in (curve.first_log10, curve.step_log10))
+    return first, step, jnp.asarray(curve.shares)
+
+
+@functools.cache
+def _directions() -> tuple[Array, Array]:
+    red, blue = directions()
+    return jnp.asarray(red), jnp.asarray(blue)
+
+
+def _shown(
+    image: Planes,
+    scene: Planes,
+    numbers: tuple[Float[Array, "n number"]],
+    planes: tuple[()],
+    curve: tuple[Array, ...],
     operator: Operator,
     hue: Hue,
-) -> Float[Array, "eye 3 y x"]:
-    # Plane by plane, and the result clipped instead of `rgb`: a clipped copy of it all costs four times as much.
-    planes = [jnp.clip(rgb[:, k], 0, np.float32(_BRIGHTEST)) for k in range(3)]
-    y = weighted(planes, LUMINANCE_WEIGHTS)
-    gain, offset = _gain_and_offset(planes, y, numbers, first_log10, step_log10, shares, operator)
-    divided_by = divisor(planes, y, gain, offset, hue)
-    # Without the barrier XLA works the gain out for each component again.
-    mapped = jnp.maximum(rgb, 0) * jax.lax.optimization_barrier(gain / divided_by)[:, None]
-    if operator is Operator.WARD:
-        mapped = mapped + (offset / divided_by)[:, None]
-    return jnp.clip(mapped, 0, 1)
+) -> Planes:
+    if operator is Operator.ACES and hue is Hue.CLIP:
+        return tuple(filmic.component(plane * numbers[0][:, 0, None, None]) for plane in image)
+    lit = [clip(plane, 0, np.float32(_BRIGHTEST)) for plane in image]
+    y = weighted(lit, LUMINANCE_WEIGHTS)
+    gain, offset = _gain_and_offset(lit, y, numbers[0], curve, operator)
+    divided_by = divisor(lit, y, gain, offset, hue)
+    gain, offset = gain / divided_by, offset / divided_by
+    return tuple(clip(larger(plane, 0) * gain + offset, 0, 1) for plane in image)
 
 
-@functools.partial(jax.jit, static_argnames="operator")
-def _show_and_mark(
-    rgb: Float[Array, "eye 3 y x"],
-    numbers: Float[Array, "eye number"],
-    first_log10: Float[Array, ""],
-    step_log10: Float[Array, ""],
-    shares: Float[Array, "sample"],
+def _clipped(
+    image: Planes,
+    scene: Planes,
+    numbers: tuple[Float[Array, "n number"]],
+    planes: tuple[()],
+    tables: tuple[Array, ...],
     operator: Operator,
-) -> tuple[Float[Array, "eye 3 y x"], Float[Array, "eye y x"], Float[Array, "eye 1 1"], Bool[Array, "eye row column"]]:
-    """The frame clipped; gains, negative where a colour is beyond the display; what is added; blocks that hold one."""
-    planes = [jnp.clip(rgb[:, k], -np.float32(_BRIGHTEST), np.float32(_BRIGHTEST)) for k in range(3)]
-    y = weighted(planes, LUMINANCE_WEIGHTS)
-    gain, offset = _gain_and_offset(planes, jnp.maximum(y, 0), numbers, first_log10, step_log10, shares, operator)
-    gain = jax.lax.optimization_barrier(gamut.marked_gain(planes, y, gain, offset))
-    clipped = rgb * jnp.abs(gain)[:, None]
-    if operator is Operator.WARD:
-        clipped = clipped + offset[:, None]
-    return jnp.clip(clipped, 0, 1), gain, offset, gamut.marked_blocks(gain)
+) -> tuple[Planes, Bool[Array, "n y x"]]:
+    mapped, beyond = _mapped(image, numbers[0], tables[:-2], operator)
+    return tuple(clip(plane, 0, 1) for plane in mapped), beyond
+
+
+def _to_white(
+    image: Planes,
+    scene: Planes,
+    numbers: tuple[Float[Array, "n number"]],
+    planes: tuple[()],
+    tables: tuple[Array, ...],
+    operator: Operator,
+) -> Planes:
+    mapped, beyond = _mapped(image, numbers[0], tables[:-2], operator)
+    # Kept, or XLA works them out again for each of the steps that follow.
+    *mapped, beyond = jax.lax.optimization_barrier((*mapped, beyond))
+    white = gamut.to_white(mapped, *tables[-2:])
+    return tuple(jnp.where(beyond, one, clip(plane, 0, 1)) for one, plane in zip(white, mapped, strict=True))
+
+
+def _mapped(
+    image: Planes, numbers: Float[Array, "n number"], curve: tuple[Array, ...], operator: Operator
+) -> tuple[Planes, Bool[Array, "n y x"]]:
+    """What the operator makes of it, of any size, and what of that lies beyond the display's colours."""
+    y = weighted(image, LUMINANCE_WEIGHTS)
+    gain, offset = _gain_and_offset(image, clip(y, 0, _BRIGHTEST), numbers, curve, operator)
+    return tuple(plane * gain + offset for plane in image), gamut.is_beyond(image, y, gain, offset)
 
 
 def _gain_and_offset(
     planes: Sequence[Float[Array, "eye y x"]],
     y: Float[Array, "eye y x"],
     numbers: Float[Array, "eye number"],
-    first_log10: Float[Array, ""],
-    step_log10: Float[Array, ""],
-    shares: Float[Array, "sample"],
+    curve: tuple[Array, ...],
     operator: Operator,
 ) -> tuple[Float[Array, "eye #y #x"], Float[Array, "eye 1 1"]]:
     """What colours of luminance y ≥ 0 in cd/m² are multiplied by, and what is added then."""
@@ -148,4 +187,4 @@ def _gain_and_offset(
         case Operator.DURAND:
             return durand.gain(planes, y, first, last), none
         case Operator.CURVE:
-            return own_curve.gain(y, first, first_log10, step_log10, shares), none
+            return own_curve.gain(y, first, *curve), none

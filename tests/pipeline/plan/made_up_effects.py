@@ -116,6 +116,7 @@ class MadeUpEye:
     dark: NDArray[np.bool_] | None = None
     lights: tuple[str, ...] = ()
     display: str = "a display"
+    time_s: float = 0.0
     measured: Any = dataclasses.field(default_factory=lambda: LIGHT)
 
     @property

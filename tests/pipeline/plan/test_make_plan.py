@@ -228,6 +228,49 @@ class TestFromFrameToFrame:
         assert step.bound_code_values == 0.05
 
 
+class TestReview:
+    """What is called for is looked at again every 0.1 s; what is left out is proven for each frame."""
+
+    def again(self, changed: MadeUp, time_s: float, dt_s: float, before: str = "best") -> Planned:
+        """Planned in a frame that calls for acuity, and once more after that changed."""
+        first = planned(MadeUpEye(settings(acuity=skipping(8.0)), time_s=time_s - dt_s))
+        eye = MadeUpEye(settings(acuity=changed), time_s=time_s)
+        return planned(eye, before={"acuity": Choice(before)}, found=first.found, dt_s=dt_s)
+
+    @pytest.mark.parametrize(
+        ("time_s", "dt_s", "figure"), [(0.05, 0.01, 8.0), (0.105, 0.01, 4.0), (0.05, 0.0, 4.0), (0.35, 0.3, 4.0)]
+    )
+    def test_what_was_found_serves_until_the_next_tenth_of_a_second(
+        self, time_s: float, dt_s: float, figure: float
+    ) -> None:
+        step = self.again(skipping(4.0), time_s, dt_s).plan["acuity"]
+        assert (step.level, step.fading_from) == ("best", None)
+        assert f"by {figure:g} code values at most" in step.reason
+
+    def test_no_bound_is_worked_out_meanwhile(self) -> None:
+        TINT.asked.clear()
+        self.again(skipping(4.0), 0.05, 0.01)
+        once = len(TINT.asked)
+        TINT.asked.clear()
+        planned(MadeUpEye(settings(acuity=skipping(8.0))))
+        assert len(TINT.asked) == once
+
+    def test_what_was_skipped_comes_back_at_once(self) -> None:
+        step = self.again(skipping(4.0), 0.05, 0.01, before=SKIPPED).plan["acuity"]
+        assert (step.level, step.fading_from) == ("best", SKIPPED)
+        assert "by 4 code values at most" in step.reason
+
+    def test_what_is_about_to_be_skipped_is_proven_each_frame(self) -> None:
+        first = planned(MadeUpEye(settings()))
+        back = planned(
+            MadeUpEye(settings(acuity=skipping(4.0)), time_s=0.05),
+            before={"acuity": Choice("best")},
+            found=first.found,
+            dt_s=0.01,
+        )
+        assert "by 4 code values at most" in back.plan["acuity"].reason
+
+
 def test_tiles_that_any_eye_may_change_are_worked_on() -> None:
     one, two = np.array([[True, False, False]]), np.array([[False, False, True]])
     eyes = [MadeUpEye(NEEDED, dark=dark) for dark in (one, two)]

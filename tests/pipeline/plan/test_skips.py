@@ -43,6 +43,8 @@ from entoptic.tracker_bridge.wire import Eye
 HDR = Path(__file__).resolve().parents[4] / "shared" / "data" / "hdr"
 ROUNDING = 0.02
 """Code values: float32 on the way through five effects, most of it sRGB's steep beginning."""
+LAST_PLACE = 1e-4
+"""Code values: what XLA contracts in a pass depends on which effects are in it."""
 SHOWN = Display()
 WITHOUT_FILE = [operator for operator in Operator if operator is not Operator.CURVE]
 EYE = Observer(particles=100, gratings=20, cornea_cells=300, vitreous_particles=20)
@@ -75,7 +77,7 @@ def holds(frame: Frame, eye: EyePose, **more: object) -> Perceived:
         (step.effect, step.level, step.bound_code_values) for step in planned.plan
     ]
     if all(step.level != SKIPPED for step in planned.plan) and planned.plan["glare"].level == "window":
-        assert difference == 0
+        assert difference < LAST_PLACE
     return planned
 
 
@@ -192,7 +194,8 @@ def test_beside_lights_of_their_own_nothing_is_left_out() -> None:
     frame = Frame.from_rgb(np.full((64, 64, 3), 0.3), 60.0)
     lit = dataclasses.replace(frame, lights=(Light(3.0, 2.0, 5.0, 0.3, "LED-B3"),))
     planned, full = planned_and_full(lit, EyePose(pupil_diameter_mm=4.0), state=RenderState((3.0,)))
-    assert differs(planned, full) == planned.plan.bound_code_values == 0
+    assert differs(planned, full) < LAST_PLACE
+    assert planned.plan.bound_code_values == 0
     bare = perceive(lit, observer=EYE, planning=Planning(leave_out=frozenset({"glare"})))
     assert bare.plan["glare"].reason == "left out as asked"
     assert bare.plan.bound_code_values == math.inf
