@@ -56,6 +56,18 @@ def glare(light: ArrayLike, view: View, function: Function, at: NDArray[np.intp]
     return result.reshape(values.shape) if at is None else result
 
 
+def from_pixel(view: View, function: Function, pixel: tuple[int, int], at: NDArray[np.intp]) -> Reals:
+    """What other pixels `at` (n, 2) get of one pixel's light of luminance 1, (o, i, n) or (1, 1, n)."""
+    row, column = at.T
+    density = _density(
+        view, function, np.full(len(at), pixel[0]), np.full(len(at), pixel[1]), directions(view, row, column), 0
+    )
+    deg = angle_deg(directions(view, *(np.array([place]) for place in pixel)), directions(view, row, column))
+    far = np.where(deg >= SPLIT_DEG, function.far(np.maximum(deg, SPLIT_DEG)), 0)
+    alike = np.eye(len(density))[:, :, None]
+    return np.asarray((np.where(deg < SPLIT_DEG, density, 0) + alike * far) * solid_angles(view)[pixel])
+
+
 def solid_angles(view: View) -> Reals:
     """Of each pixel, in sr: the cone through a rectangle, by the angles at its four corners."""
     edges = [np.arange(size + 1) - size / 2 for size in (view.height_px, view.width_px)]
