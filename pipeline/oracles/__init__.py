@@ -6,6 +6,7 @@ at a time, linear Rec.709.
 adaptation.py    the luminance an eye is adapted to, and the exposure
 sphere.py        glare as the direct sum over the sphere, for any kernel
 point_spread.py  the analytic kernels from their papers
+wave_spread.py   wave optics of a pupil plane over the sphere
 glare.py         the brightest pixels one by one, the rest by a float64 FFT, the veil at true angles
 glare_fft.py     one FFT of the whole frame: what is quick enough to be timed beside
 acuity.py        detail lost in the dark

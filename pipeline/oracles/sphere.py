@@ -79,7 +79,10 @@ def arrives_directed(
     origin_deg: tuple[float, float] = (0.0, 0.0),
     nodes: int = 8,
 ) -> Reals:
-    """What comes to each pixel from all others by a kernel with azimuth and colours, `nodes` a side of every source."""
+    """What comes to each pixel from all others by a kernel with azimuth and colours.
+
+    Each source is cut into `nodes` equal parts a side: where the kernel is finer, give its average over such a part.
+    """
     values = np.asarray(light, np.float64)
     rows, columns = _places(view, at)
     lit = np.argwhere(values.any(axis=0))
@@ -88,7 +91,7 @@ def arrives_directed(
     for place in lit:
         others = np.flatnonzero((rows != place[0]) | (columns != place[1]))
         lamp = values[:, place[0], place[1]]
-        where, weights = _nodes(view, place[None], nodes)
+        where, weights = _parts(view, place[None], nodes)
         for part in np.array_split(others, max(1, len(others) * nodes**2 // PAIRS_AT_ONCE)):
             angle, turn = angle_and_azimuth(where, towards[part], origin_deg)
             shares = np.einsum("oinp,nq->oip", density(angle, turn), weights)
@@ -207,9 +210,18 @@ def _directions(view: View, rows: Positions, columns: Positions) -> Reals:
 def _nodes(view: View, places: Indices, count: int) -> tuple[Reals, Reals]:
     """Directions within pixels and what solid angle each stands for: (count², p, 3) and (count², p)."""
     points, weights = GAUSS[count]
-    v, u = (axis.ravel()[:, None] / 2 for axis in np.meshgrid(points, points, indexing="ij"))
+    return _within(view, places, points / 2, weights / 2)
+
+
+def _parts(view: View, places: Indices, count: int) -> tuple[Reals, Reals]:
+    """The same in equal steps."""
+    return _within(view, places, (np.arange(count) + 0.5) / count - 0.5, np.full(count, 1 / count))
+
+
+def _within(view: View, places: Indices, points: Reals, weights: Reals) -> tuple[Reals, Reals]:
+    v, u = (axis.ravel()[:, None] for axis in np.meshgrid(points, points, indexing="ij"))
     where = _directions(view, places[:, 0] + v, places[:, 1] + u)
-    return where, np.outer(weights, weights).reshape(-1, 1) / 4 * where[..., 2] ** 3 / view.focal_px**2
+    return where, np.outer(weights, weights).reshape(-1, 1) * where[..., 2] ** 3 / view.focal_px**2
 
 
 def _dot(a: Reals, b: Reals) -> Reals:

@@ -145,7 +145,7 @@ def test_a_function_without_azimuth_is_the_same_as_one_that_has_it() -> None:
     def directed(deg: np.ndarray, azimuth: np.ndarray) -> np.ndarray:
         return np.eye(3)[:, :, None, None] * density(deg)
 
-    direct = sphere.arrives_directed(light, view, directed, origin_deg=(8.0, -5.0))
+    direct = sphere.arrives_directed(light, view, directed, origin_deg=(8.0, -5.0), nodes=20)
     np.testing.assert_allclose(direct, sphere.arrives(light, view, density), rtol=1e-3)
 
 
