@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import dataclasses
 import functools
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import jax
@@ -94,12 +94,7 @@ def weighted(planes: Sequence[Float[Array, "n y x"]], weights: Sequence[float]) 
 def image_after(picture: Picture, effects: Sequence[Pointwise]) -> Float[Array, "eye 3 y x"]:
     """The images after these effects, one after the other."""
     kinds, arguments, scene = _what(picture, effects)
-    image = _image(picture.image, scene, arguments, kinds)
-    if any(kind.marks for kind in kinds):
-        beyond = jax.device_get(_beyond(picture.image, scene, arguments, kinds))
-        for some, sides in _batches(beyond, picture.image.shape):
-            image = _image_with_blocks(image, picture.image, scene, arguments, some, kinds, sides)
-    return image
+    return _image(picture.image, scene, arguments, kinds)
 
 
 def encoded_after(picture: Picture, effects: Sequence[Pointwise], display: Display) -> np.ndarray:
@@ -109,12 +104,7 @@ def encoded_after(picture: Picture, effects: Sequence[Pointwise], display: Displ
         return encode(image_after(picture, effects), display)
     kinds, arguments, scene = _what(picture, effects)
     code = encoder.numbers, encoder.entries
-    pixels, beyond = _packed(picture.image, scene, arguments, code, kinds, encoder.coding)
-    if beyond is not None:
-        for some, sides in _batches(jax.device_get(beyond), picture.image.shape):
-            pixels = _packed_with_blocks(
-                pixels, picture.image, scene, arguments, some, code, kinds, encoder.coding, sides
-            )
+    pixels = _packed(picture.image, scene, arguments, code, kinds, encoder.coding)
     return unpacked(pixels, encoder.coding)
 
 
@@ -168,15 +158,18 @@ def _blocks(
 
 
 @functools.partial(jax.jit, static_argnames="kinds")
-def _image(image: Array, scene: Array | None, arguments: tuple[Arguments, ...], kinds: tuple[_Kind, ...]) -> Array:
-    return jnp.stack(_chain(image, scene, arguments, kinds)[0], 1)
+def _image(
+    image: Array, scene: Array | None, arguments: tuple[Arguments, ...], kinds: tuple[_Kind, ...]
+) -> Float[Array, "eye 3 y x"]:
+    planes, beyond = _chain(image, scene, arguments, kinds)
+    made = jnp.stack(planes, 1)
+    if beyond is None:
+        return made
 
+    def again(places: Int[Array, "block 3"], sides: tuple[int, int]) -> Float[Array, "block 3 p q"]:
+        return jnp.stack(_blocks(image, scene, arguments, places, kinds, sides), 1)
 
-@functools.partial(jax.jit, static_argnames="kinds")
-def _beyond(image: Array, scene: Array | None, arguments: tuple[Arguments, ...], kinds: tuple[_Kind, ...]) -> Array:
-    _, beyond = _chain(image, scene, arguments, kinds)
-    assert beyond is not None
-    return _blocks_of(beyond.astype(jnp.uint32) * MARK)
+    return _made_again(made, jax.lax.optimization_barrier(beyond.astype(jnp.uint32) * MARK), again)
 
 
 @functools.partial(jax.jit, static_argnames=("kinds", "coding"))
@@ -187,44 +180,43 @@ def _packed(
     code: Any,
     kinds: tuple[_Kind, ...],
     coding: Coding,
-) -> tuple[UInt32[Array, "eye y x"], Bool[Array, "eye row column"] | None]:
-    """Codes of each pixel, and blocks that hold one to be made again."""
+) -> UInt32[Array, "eye y x"]:
     planes, beyond = _chain(image, scene, arguments, kinds)
     pixels = packed(planes, code[0], code[1], coding)
     if beyond is None:
-        return pixels, None
+        return pixels
+
+    def again(places: Int[Array, "block 3"], sides: tuple[int, int]) -> UInt32[Array, "block p q"]:
+        return packed(_blocks(image, scene, arguments, places, kinds, sides), code[0], code[1], coding)
+
     # The barrier keeps XLA from working out each pixel again for the blocks.
     pixels = jax.lax.optimization_barrier(jnp.where(beyond, pixels | MARK, pixels))
-    return pixels, _blocks_of(pixels)
+    return _made_again(pixels, pixels, again)
 
 
-@functools.partial(jax.jit, static_argnames=("kinds", "sides"), donate_argnums=0)
-def _image_with_blocks(
-    made: Array,
-    image: Array,
-    scene: Array | None,
-    arguments: tuple[Arguments, ...],
-    places: Int[Array, "block 3"],
-    kinds: tuple[_Kind, ...],
-    sides: tuple[int, int],
-) -> Float[Array, "eye 3 y x"]:
-    return _put(made, jnp.stack(_blocks(image, scene, arguments, places, kinds, sides), 1), places)
+def _made_again(
+    image: Array, marked: UInt32[Array, "eye y x"], again: Callable[[Array, tuple[int, int]], Array]
+) -> Array:
+    """`image` with blocks that hold a marked pixel made again, so many at once."""
+    blocks = _blocks_of(marked)
+    sides = min(BLOCK_PX, marked.shape[1]), min(BLOCK_PX, marked.shape[2])
+    last = np.array((marked.shape[0], marked.shape[1] - sides[0], marked.shape[2] - sides[1]), np.int32)
+    found, count = blocks.sum(dtype=jnp.int32), min(AT_ONCE, blocks.size)
+    of_all = jnp.nonzero(blocks.ravel(), size=blocks.size)[0].astype(jnp.int32)
 
+    def more(state: tuple[Array, Array]) -> Array:
+        return state[0] < found
 
-@functools.partial(jax.jit, static_argnames=("kinds", "coding", "sides"), donate_argnums=0)
-def _packed_with_blocks(
-    pixels: UInt32[Array, "eye y x"],
-    image: Array,
-    scene: Array | None,
-    arguments: tuple[Arguments, ...],
-    places: Int[Array, "block 3"],
-    code: Any,
-    kinds: tuple[_Kind, ...],
-    coding: Coding,
-    sides: tuple[int, int],
-) -> UInt32[Array, "eye y x"]:
-    planes = _blocks(image, scene, arguments, places, kinds, sides)
-    return _put(pixels, packed(planes, code[0], code[1], coding), places)
+    def some(state: tuple[Array, Array]) -> tuple[Array, Array]:
+        begin, image = state
+        # The last of them again and again, where they do not fill up: it is the same each time.
+        which = of_all[jnp.minimum(begin + jnp.arange(count, dtype=jnp.int32), found - 1)]
+        corners = jnp.stack(jnp.unravel_index(which, blocks.shape), 1).astype(jnp.int32)
+        places = jnp.minimum(corners * np.array((1, BLOCK_PX, BLOCK_PX), np.int32), last)
+        return begin + count, _put(image, again(places, sides), places)
+
+    _, image = jax.lax.while_loop(more, some, (jnp.int32(0), image))
+    return image
 
 
 def _put(image: Array, blocks: Array, places: Int[Array, "block 3"]) -> Array:
@@ -244,19 +236,6 @@ def _blocks_of(pixels: UInt32[Array, "eye y x"]) -> Bool[Array, "eye row column"
     rows = jax.lax.reduce_window(pixels, np.uint32(0), jax.lax.max, size, size, ((0, 0), (0, below), (0, 0)))
     rows = jnp.pad(jax.lax.optimization_barrier(rows), ((0, 0), (0, 0), (0, right)))
     return rows.reshape(*rows.shape[:2], -1, BLOCK_PX).max(-1) >= MARK
-
-
-def _batches(
-    blocks: NDArray[np.bool_], shape: tuple[int, ...]
-) -> Iterator[tuple[Int[np.ndarray, "block 3"], tuple[int, int]]]:
-    """Places (eye, top, left) of blocks, so many at once, and their sides."""
-    found = np.argwhere(blocks)
-    sides = min(BLOCK_PX, shape[2]), min(BLOCK_PX, shape[3])
-    places = np.minimum(found * (1, BLOCK_PX, BLOCK_PX), (shape[0], shape[2] - sides[0], shape[3] - sides[1]))
-    count = min(AT_ONCE, blocks.size)
-    for start in range(0, len(places), count):
-        # The last of them again and again, where they do not fill up: it is the same each time.
-        yield places[np.minimum(np.arange(start, start + count), len(places) - 1)].astype(np.int32), sides
 
 
 def _planes(image: Float[Array, "n 3 y x"]) -> Planes:

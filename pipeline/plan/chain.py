@@ -19,7 +19,7 @@ from entoptic.pipeline.effects.effect import SKIPPED, Domain, Effect, TileChange
 from entoptic.pipeline.effects.tone.code_values import code_values
 from entoptic.pipeline.eye_context import EyeContext
 from entoptic.pipeline.measure import averaged
-from entoptic.pipeline.ranges import Change
+from entoptic.pipeline.ranges import Change, Range
 
 FULL = "full"
 """An effect at the level asked for."""
@@ -34,8 +34,8 @@ class Chain:
         self._eye = eye
         self._stages: dict[str, tuple[Effect[Any, Any], Any, TileRanges]] = {}
         self._reduced: dict[tuple[str, str], Change] = {}
-        self._last = TileRanges(eye.measured.range_cd_m2, eye.measured.range_cd_m2)
-        """Behind the last stage that was worked out: they are when they are asked for."""
+        self._last: str | None = None
+        """The last stage that was worked out: they are when they are asked for."""
         self._to_come = [effect for effect in EFFECTS if effect.is_on(effect.settings_of(eye.effects))]
         self._unchanged = np.zeros_like(eye.measured.range_cd_m2.low)
 
@@ -57,12 +57,24 @@ class Chain:
         return self._stages[name]
 
     def _advance(self) -> None:
-        effect, before = self._to_come.pop(0), self._last
-        settings = effect.settings_of(self._eye.effects)
-        self._stages[effect.name] = effect, settings, before
+        before, effect = self._behind_last(), self._to_come.pop(0)
+        self._stages[effect.name] = effect, effect.settings_of(self._eye.effects), before
+        self._last = effect.name
+
+    def _behind_last(self) -> TileRanges:
+        if self._last is None:
+            return TileRanges(self._eye.measured.range_cd_m2, self._eye.measured.range_cd_m2)
+        effect, settings, before = self._stages[self._last]
         hidden = self.reduced(effect.name, SKIPPED) if effect.optional else self._unchanged
         after = effect.ranges_after(before, hidden, self._eye, settings)
-        self._last = TileRanges(after, after if effect.domain is Domain.SCENE else before.scene)
+        return TileRanges(after, after if effect.domain is Domain.SCENE else before.scene)
+
+    @functools.cached_property
+    def _shown(self) -> Range:
+        """Behind all of them."""
+        while self._to_come:
+            self._advance()
+        return self._behind_last().image
 
     def reduced(self, effect: str, level: str) -> Change:
         """The most by which this level of an effect differs from it in full, right behind it, all before it in full."""
@@ -73,9 +85,7 @@ class Chain:
 
     def code_values(self, weights: Weights) -> NDArray[np.float64]:
         """By how many code values a pixel of each tile may differ from the full picture, if effects run so weighed."""
-        while self._to_come:
-            self._advance()
-        change = scene = self._unchanged
+        shown, change, scene = self._shown, self._unchanged, self._unchanged
         for effect, settings, ranges in self._stages.values():
             before = TileChanges(change, scene)
             if effect.name not in weights:
@@ -92,7 +102,7 @@ class Chain:
                     change = self._unchanged
             if effect.domain is Domain.SCENE:
                 scene = change
-        return code_values(change, self._last.image, self._eye.display)
+        return code_values(change, shown, self._eye.display)
 
     def _behind(
         self, effect: Effect[Any, Any], settings: Any, level: str, before: TileChanges, ranges: TileRanges
