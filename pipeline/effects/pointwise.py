@@ -20,7 +20,6 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int, UInt32
-from numpy.typing import NDArray
 
 from entoptic.pipeline.effects.effect import Domain, Picture
 from entoptic.pipeline.effects.encode import Coding, encode, encoder_of, packed, unpacked
@@ -61,8 +60,6 @@ class Pointwise:
     """What XLA compiles for: no arrays, hashable."""
     exact: Function | None = None
     """The dear function: the same arguments, and Planes for all pixels."""
-    tiles: NDArray[np.bool_] | None = None
-    """With `exact`: (row, column), tiles that may hold such a pixel; None: perhaps all. Nowhere: none is looked for."""
 
     @property
     def arguments(self) -> Arguments:
@@ -72,8 +69,7 @@ class Pointwise:
     @property
     def kind(self) -> _Kind:
         """What XLA compiles for."""
-        marks = self.exact is not None and (self.tiles is None or bool(self.tiles.any()))
-        return _Kind(self.function, self.exact, self.domain, self.static, marks)
+        return _Kind(self.function, self.exact, self.domain, self.static)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -82,7 +78,6 @@ class _Kind:
     exact: Function | None
     domain: Domain
     static: tuple[Any, ...]
-    marks: bool
 
 
 def weighted(planes: Sequence[Float[Array, "n y x"]], weights: Sequence[float]) -> Float[Array, "n y x"]:
@@ -124,7 +119,7 @@ def _chain(image: Array, scene: Array | None, arguments: Sequence[Arguments], ki
         planes = kind.function(planes, of_scene, *its, *kind.static)
         if kind.exact is not None:
             planes, there = planes
-            beyond += [there] if kind.marks else []
+            beyond.append(there)
         if kind.domain is Domain.SCENE:
             of_scene = planes
     return planes, functools.reduce(jnp.logical_or, beyond) if beyond else None

@@ -107,7 +107,7 @@ class ToneEffect(Effect[Tone, None]):
         tiles: NDArray[np.bool_] | None,
     ) -> Pointwise:
         adapted_cd_m2, target_cd_m2 = [eye.adapted_cd_m2 for eye in eyes], [eye.target_cd_m2 for eye in eyes]
-        return of_pixels(adapted_cd_m2, target_cd_m2, settings, eyes[0].display, tiles)
+        return of_pixels(adapted_cd_m2, target_cd_m2, settings, eyes[0].display)
 
     def bound(self, ranges: TileRanges, eye: EyeContext, settings: Tone, level: str) -> Change:
         return np.zeros_like(ranges.image.low)

@@ -9,7 +9,6 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float
-from numpy.typing import NDArray
 
 from entoptic.pipeline.display_light import seen_peak_cd_m2
 from entoptic.pipeline.effects.adaptation import exposure
@@ -46,9 +45,8 @@ def of_pixels(
     target_cd_m2: Sequence[float],
     settings: Tone,
     display: Display,
-    tiles: NDArray[np.bool_] | None = None,
 ) -> Pointwise:
-    """The same as a function of each pixel; `tiles` are those that may hold a colour beyond the display's."""
+    """The same as a function of each pixel."""
     numbers = np.array(
         [
             coefficients(adapted, target, settings, display)
@@ -59,9 +57,7 @@ def of_pixels(
     if settings.hue is not Hue.OKLAB:
         return Pointwise(_shown, Domain.DISPLAY, (numbers,), (), _curve(settings), (settings.operator, settings.hue))
     tables = (*_curve(settings), *_directions())
-    return Pointwise(
-        _clipped, Domain.DISPLAY, (numbers,), (), tables, (settings.operator,), exact=_to_white, tiles=tiles
-    )
+    return Pointwise(_clipped, Domain.DISPLAY, (numbers,), (), tables, (settings.operator,), exact=_to_white)
 
 
 def coefficients(adapted_cd_m2: float, target_cd_m2: float, settings: Tone, display: Display) -> tuple[float, ...]:
