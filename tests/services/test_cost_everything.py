@@ -177,10 +177,9 @@ def test_calibrating_keeps_a_figure_for_every_level(tmp_path: Path, monkeypatch:
 
 
 def test_every_level_of_the_cost_model_is_timed() -> None:
-    """So that none keeps its shipped figure, but the glare reference, a person's own curve, and planning."""
+    """So that none keeps its shipped figure, but a person's own curve, and planning."""
     known = {(effect, level) for effect, levels in SHIPPED.costs.items() for level in levels}
     assert known - set(calibration.calls(SceneViewing(scene("bright room", *SMALL), exact=False))) == {
-        ("glare", "reference"),
         ("tone", "curve"),
         ("plan", "whole"),
     }

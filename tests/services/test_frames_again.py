@@ -435,4 +435,4 @@ def test_costs_come_back() -> None:
     checkpoint = session.checkpoint()
     again: Checkpoint = kept.decoder(Checkpoint).decode(kept.encode(checkpoint))
     assert (again.costs.pace, again.costs.own) == (checkpoint.costs.pace, checkpoint.costs.own)
-    assert again.costs.ms("glare", "frame", 1.0) == checkpoint.costs.ms("glare", "frame", 1.0)
+    assert again.costs.ms("glare", "half", 1.0) == checkpoint.costs.ms("glare", "half", 1.0)

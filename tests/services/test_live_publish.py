@@ -25,7 +25,7 @@ from entoptic.tracker_bridge.wire import Eye, EyeState, OneEyeState, Phase
 ANY = "tcp://127.0.0.1:*"
 PATIENCE_MS = 60_000
 KINDS = dict(zip(messages.TOPICS, (Picture, Picture, Shown, EngineFrame, EngineKernel), strict=True))
-SETTINGS = Settings(glare=Glare(GlareModel.CIE, GlareLevel.WINDOW), plan=Planning(everything=True))
+SETTINGS = Settings(glare=Glare(GlareModel.CIE, GlareLevel.QUARTER), plan=Planning(everything=True))
 ONE = OneEyeState(Phase.CLOSING, 4.1, 4.1, 1.0, 0.7, None)
 STATE = EyeState(3, 5, ONE, ONE, None)
 EYES = (Eye.LEFT, Eye.RIGHT)
@@ -127,9 +127,6 @@ def test_each_topic_carries_what_was_rendered(
     assert shown.eyes[0].gaze_px == rendered.frame.view.pixel_of(3.0, -2.0)
     assert [step.effect for step in shown.plan] == [step.effect for step in rendered.perceived.plan]
     assert shown.milliseconds.keys() >= {"scene", "measure", "glare", "encode", "sink", "displayed"}
-    left, top, width, height = shown.eyes[0].window_px or (0, 0, 0, 0)
-    assert (left, top) >= (0, 0)
-    assert (left + width, top + height) <= (96, 80)
     (engine,), kernels = bodies[b"engine"], bodies[b"kernel"]
     assert isinstance(engine, EngineFrame)
     first, second = (k.number for k in kernels if isinstance(k, EngineKernel))

@@ -24,7 +24,7 @@ def test_a_file_sets_what_it_names(tmp_path: Path) -> None:
             """
         [glare]
         model = "spe"
-        level = "frame"
+        level = "half"
         [observer]
         age_years = 61
         [observer.ocular_dynamics]
@@ -34,7 +34,7 @@ def test_a_file_sets_what_it_names(tmp_path: Path) -> None:
     """,
         )
     )
-    assert settings.glare == Glare(GlareModel.SPE, GlareLevel.FRAME)
+    assert settings.glare == Glare(GlareModel.SPE, GlareLevel.HALF)
     assert settings.observer.ocular_dynamics.vitreous
     assert not settings.observer.ocular_dynamics.lids
     assert settings.observer.age_years == 61

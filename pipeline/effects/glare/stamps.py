@@ -24,7 +24,7 @@ from entoptic.pipeline.frame import View
 
 TILE_PX = 32
 """Side of a tile that shares a window. Engineering choice: across it angles per pixel differ by up to 4 % at 52°."""
-REACHES_PX = (24, 40, 64, 100)
+REACHES_PX = (24, 40, 64, 100, 144)
 """How far windows reach to each side: few shapes to compile."""
 PARTS = 3
 """Of a pixel along each side, where the function is looked up."""

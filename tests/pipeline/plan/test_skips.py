@@ -76,7 +76,7 @@ def holds(frame: Frame, eye: EyePose, **more: object) -> Perceived:
     assert difference <= planned.plan.bound_code_values + ROUNDING, [
         (step.effect, step.level, step.bound_code_values) for step in planned.plan
     ]
-    if all(step.level != SKIPPED for step in planned.plan) and planned.plan["glare"].level == "window":
+    if all(step.level != SKIPPED for step in planned.plan) and planned.plan["glare"].level == "quarter":
         assert difference < LAST_PLACE
     return planned
 
@@ -220,7 +220,7 @@ def test_of_two_eyes_the_bounds_are_those_of_the_worse() -> None:
 def test_between_two_levels_the_bound_holds_too(name: str, fade: float) -> None:
     frame = scene(name, 90, 100).frame
     choices = {
-        "glare": Choice("window", "veil", fade),
+        "glare": Choice("quarter", "eighth", fade),
         "acuity": Choice("fit", SKIPPED, fade),
         "night_colour": Choice("lui", SKIPPED, fade),
     }

@@ -66,7 +66,7 @@ def state(sequence: int, phase: Phase = Phase.TRACKING) -> EyeState:
 
 def shown(frame: int) -> Shown:
     eye = EyeShown("left", "tracking", (3.0, -1.0), (20.0, 12.0), 4.0, 0.9, 5.0, 5.0, 900.0)
-    step = StepShown("glare", "window", True, "a lamp", 3.0, 12.0)
+    step = StepShown("glare", "quarter", True, "a lamp", 3.0, 12.0)
     return Shown(
         frame, frame / 24, time.monotonic_ns(), 32, 24, (eye,), (step,), 0.5, {"glare": 12.0}, None, 24.0, 23.9, 0,
         LatencyMs(3.0, 8.0, 25.0), None,

@@ -38,7 +38,7 @@ def test_sentences_come_from_the_records() -> None:
     by_path = {field.path: field for field in fields()}
     assert "LUI 5.2.4" in by_path["observer.particles"].help
     assert by_path["observer.particle_mm"].label == "Particle, mm"
-    assert dict(by_path["glare.level"].options)["veil"].startswith("Light scattered")
+    assert dict(by_path["glare.level"].options)["quarter"].startswith("Cells of 4")
     assert by_path["plan.budget_ms"].optional
     assert by_path["plan.budget_ms"].low_open
     assert [value for value, _ in by_path["observer.iris"].options] == ["dark", "brown", "green", "blue"]
@@ -84,10 +84,10 @@ def test_every_choice_can_be_made() -> None:
 
 
 def test_changes_leave_the_rest_and_wrong_ones_say_why() -> None:
-    old = changed(Settings(), {"observer.ocular_dynamics.lids": True, "glare.level": "veil"})
+    old = changed(Settings(), {"observer.ocular_dynamics.lids": True, "glare.level": "half"})
     new = changed(old, {"observer.age_years": 60})
     assert new.observer.ocular_dynamics.lids
-    assert new.glare.level == "veil"
+    assert new.glare.level == "half"
     assert changed(new, {"observer.seed": 3}, from_defaults=True).observer.age_years == 30
     for changes, said in (
         ({"observer.height": 2}, "no setting 'observer.height'"),

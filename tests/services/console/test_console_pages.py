@@ -97,7 +97,7 @@ def test_settings_act_at_once_and_all_pages_hear_of_it(attached: Served, session
 
 def test_an_observer_is_kept_and_loaded_again(attached: Served, session: MadeUpSession) -> None:
     with attached.page() as page:
-        assert page.ask("change settings", changes={"observer.particles": 1500, "glare.level": "veil"})["done"]
+        assert page.ask("change settings", changes={"observer.particles": 1500, "glare.level": "half"})["done"]
         assert page.ask("save observer", name="anna")["done"]
         assert load(attached.observers / "anna.toml").observer.particles == 1500
         again = page.ask("save observer", name="anna")
@@ -251,9 +251,9 @@ def test_a_server_started_in_mid_session_takes_the_settings_in_force(
         assert session.asked[-1].settings == settings_of(67.0, 1500)
     with serve(Places(session.host)).page() as page:
         page.until("settings", lambda message: message["settings"]["observer"]["age_years"] == 67)
-        assert page.ask("change settings", changes={"glare.level": "veil"})["done"]
+        assert page.ask("change settings", changes={"glare.level": "half"})["done"]
         settings = page.until("settings", lambda message: message["because_of"] is not None)["settings"]
-        assert (settings["observer"]["particles"], settings["glare"]["level"]) == (1500, "veil")
+        assert (settings["observer"]["particles"], settings["glare"]["level"]) == (1500, "half")
 
 
 def test_settings_that_the_worker_took_back_are_shown_as_it_has_them(attached: Served, session: MadeUpSession) -> None:
