@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from entoptic.pipeline import EyePose, Frame, Glare, GlareLevel, GlareModel, Perceived, Planning, RenderState, perceive
 from entoptic.pipeline.effects.glare import GLARE
-from entoptic.pipeline.effects.glare.kernel import Mixture
+from entoptic.pipeline.effects.glare.kernel import Mixture, Part
 from entoptic.pipeline.sinks.images import write_exr
 from entoptic.services.ipc import messages
 from entoptic.services.ipc.messages import (

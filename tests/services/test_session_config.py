@@ -92,7 +92,7 @@ def test_by_json_by_the_command_line_and_by_the_form_it_is_the_same(eyes: dict[s
 
 
 def test_settings_go_along_and_what_is_unknown_is_refused_with_its_path() -> None:
-    made = by_command_line(["--set", "age_years = 61", "--set", "glare.level=veil", "--budget-ms", "20"])
+    made = by_command_line(["--set", "age_years = 61", "--set", "glare.level=eighth", "--budget-ms", "20"])
     assert made.settings == changed(
         Settings(), {"observer.age_years": 61, "glare.level": "eighth", "plan.budget_ms": 20.0}
     )

@@ -139,13 +139,13 @@ def _wider(
 
 def _grown(values: NDArray[np.float64], fold: Callable[..., NDArray[np.float64]], tiles: int) -> NDArray[np.float64]:
     """The fold of all that lies within so many tiles more; beyond the frame it is dark."""
-    for axis in (1, 2):
-        size = values.shape[axis]
-        edged = np.pad(values, [(tiles, tiles) if k == axis else (0, 0) for k in range(3)])
-        values = functools.reduce(
-            fold, [np.take(edged, np.arange(start, start + size), axis) for start in (0, tiles, 2 * tiles)]
-        )
-    return values
+    count, rows, columns = values.shape
+    edged = np.zeros((count, rows + 2 * tiles, columns))
+    edged[:, tiles : tiles + rows] = values
+    values = fold(fold(edged[:, :rows], edged[:, tiles : tiles + rows]), edged[:, 2 * tiles :])
+    edged = np.zeros((count, rows, columns + 2 * tiles))
+    edged[:, :, tiles : tiles + columns] = values
+    return fold(fold(edged[:, :, :columns], edged[:, :, tiles : tiles + columns]), edged[:, :, 2 * tiles :])
 
 
 def _rings(part: Part, measured: Measurement, off: Off) -> NDArray[np.float64]:
