@@ -142,7 +142,7 @@ def test_a_gaze_that_leaves_the_frame_does_not_jump() -> None:
     assert steps.max() < 0.05
 
 
-def test_what_a_gaze_far_outside_sees_is_not_glared_by_a_window_that_has_left() -> None:
+def test_a_lamp_glares_wherever_the_eye_looks() -> None:
     """The window follows the gaze out of the frame: of light that it leaves behind the veil alone is left."""
     rgb = grey(0.1)
     rgb[30, 20] = 1e4
