@@ -143,7 +143,6 @@ def test_a_gaze_that_leaves_the_frame_does_not_jump() -> None:
 
 
 def test_a_lamp_glares_wherever_the_eye_looks() -> None:
-    """The window follows the gaze out of the frame: of light that it leaves behind the veil alone is left."""
     rgb = grey(0.1)
     rgb[30, 20] = 1e4
     perceived = see(rgb, EyePose(90.0, 0.0, 4.0))
