@@ -231,6 +231,8 @@ def _is_review(time_s: float, dt_s: float) -> bool:
     """Whether REVIEW_S passed since the frame before: by the clock of all frames, so a session that goes on from a
     checkpoint looks again when it would have.
     """
+    if math.isinf(dt_s) or math.isinf(time_s):
+        return True
     return math.floor(time_s / REVIEW_S) != math.floor((time_s - dt_s) / REVIEW_S)
 
 

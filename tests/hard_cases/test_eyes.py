@@ -147,7 +147,7 @@ def test_a_lamp_glares_wherever_the_eye_looks() -> None:
     rgb[30, 20] = 1e4
     perceived = see(rgb, EyePose(90.0, 0.0, 4.0))
     assert np.isfinite(np.asarray(perceived.linear)).all()
-    assert np.unravel_index(perceived.image[0, ..., 1].argmax(), (60, 64)) == (30, 20)
+    assert perceived.image[0, 30, 20, 1] == perceived.image[0, ..., 1].max()
 
 
 SIZES = (60, 64), (33, 41), (60, 64)
