@@ -87,11 +87,11 @@ def test_the_sun_beside_starlight(name: str, level: GlareLevel) -> None:
 @pytest.mark.parametrize("level", LEVELS)
 @pytest.mark.parametrize("name", SIGHTS)
 def test_the_sun_without_a_veil_leaves_starlight_but_for_rounding(name: str, level: GlareLevel) -> None:
-    """No eye is without a veil: without one there is noise, 2e-8 of the sun."""
+    """No eye is without a veil: without one there is noise, 5e-8 of the sun."""
     view, at = SIGHTS[name]
     image = scattered(sun(view, *at), view, COMPACT, level)
     far = far_from(view, at)
-    assert np.abs(image[:, far[:, 0], far[:, 1]] - 1e-3).max() < 2e-8 * SUN_CD_M2
+    assert np.abs(image[:, far[:, 0], far[:, 1]] - 1e-3).max() < 5e-8 * SUN_CD_M2
     assert np.asarray(luminance(jnp.asarray(image))).min() >= 0
 
 
