@@ -82,23 +82,30 @@ def sampled(
     `core` is the same in smaller cells as far as they reach. `wide` has the unit that makes its volume 1 over all.
     """
 
-    def look_up(of: NDArray[np.floating], side_deg: float, deg: Reals, azimuth: Reals) -> Reals:
-        middle = of.shape[-1] // 2
-        y, x = (deg * turned / side_deg + middle for turned in (np.sin(azimuth), np.cos(azimuth)))
-        low_y, low_x = (np.clip(np.floor(place).astype(int), 0, of.shape[-1] - 2) for place in (y, x))
-        dy, dx = np.clip(y - low_y, 0, 1), np.clip(x - low_x, 0, 1)
-        found = (
-            of[:, :, low_y, low_x] * (1 - dy) * (1 - dx)
-            + of[:, :, low_y + 1, low_x] * dy * (1 - dx)
-            + of[:, :, low_y, low_x + 1] * (1 - dy) * dx
-            + of[:, :, low_y + 1, low_x + 1] * dy * dx
-        )
-        return np.asarray(found / np.radians(side_deg) ** 2)
+    def look_up(of: NDArray[np.floating], side_deg: float) -> Callable[[Reals, Reals], Reals]:
+        side = of.shape[-1]
+        cells = np.ascontiguousarray(np.moveaxis(of, (0, 1), (2, 3)).reshape(side * side, -1))
+        cells /= np.radians(side_deg) ** 2
 
+        def at(deg: Reals, azimuth: Reals) -> Reals:
+            y, x = (deg * turned / side_deg + side // 2 for turned in (np.sin(azimuth), np.cos(azimuth)))
+            low_y, low_x = (np.clip(np.floor(place).astype(int), 0, side - 2) for place in (y, x))
+            dy, dx = (np.clip(place - low, 0, 1)[:, None] for place, low in ((y, low_y), (x, low_x)))
+            first = low_y * side + low_x
+            above = cells[first] * (1 - dx) + cells[first + 1] * dx
+            below = cells[first + side] * (1 - dx) + cells[first + side + 1] * dx
+            return np.asarray((above * (1 - dy) + below * dy).T.reshape(*of.shape[:2], -1))
+
+        return at
+
+    in_cells, in_core = look_up(cells, cell_deg), look_up(core, core_deg)
     inner = (core.shape[-1] // 2 - 1) * core_deg
 
     def near(deg: Reals, azimuth: Reals) -> Reals:
-        return np.where(deg < inner, look_up(core, core_deg, deg, azimuth), look_up(cells, cell_deg, deg, azimuth))
+        found = in_cells(deg, azimuth)
+        inside = deg < inner
+        found[:, :, inside] = in_core(deg[inside], azimuth[inside])
+        return found
 
     far_beyond = _beyond(wide)
     offset = (np.arange(cells.shape[-1]) - cells.shape[-1] // 2) * cell_deg

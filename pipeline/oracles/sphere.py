@@ -23,8 +23,8 @@ Reals = NDArray[np.float64]
 
 SPLIT_DEG = 9.0
 """Up to where a function may have colours and an azimuth. Engineering choice: beyond the widest halo and its lines."""
-AVERAGED_PX, PARTS = 5, 9
-"""Pixels around one whose light is averaged over them, at so many places along each side."""
+PARTS = {0: 9, 1: 9, 2: 7, 3: 5, 4: 3, 5: 3}
+"""Along each side of a pixel so many pixels away: at how many places its light is taken. Beyond, at its middle."""
 PAIRS_AT_ONCE = 20_000_000
 TABLE = 1 << 18
 """Entries of the far function's table, even in the root of the sine of half the angle: 2e-6 of it apart at 9°."""
@@ -134,7 +134,8 @@ def _near(light: Reals, view: View, function: Function, rows: NDArray[np.intp], 
 
 def _density(view: View, function: Function, row: Reals, column: Reals, to: Reals, away_px: int) -> Reals:
     """Of light from pixels to directions; 0 beyond SPLIT_DEG."""
-    parts = (np.arange(PARTS) + 0.5) / PARTS - 0.5 if away_px <= AVERAGED_PX else np.zeros(1)
+    count = PARTS.get(away_px, 1)
+    parts = (np.arange(count) + 0.5) / count - 0.5
     total: Reals | float = 0.0
     for y in parts:
         for x in parts:

@@ -44,7 +44,7 @@ def test_the_sum_gives_a_single_pixel_that_light(at: tuple[int, int]) -> None:
     here = sphere.directions(view, *np.array(at)[:, None])
     rows, columns = np.indices((80, 62)).reshape(2, -1)
     deg = sphere.angle_deg(here, sphere.directions(view, rows, columns)).reshape(80, 62)
-    far = np.maximum(np.abs(np.arange(80) - at[0])[:, None], np.abs(np.arange(62) - at[1])) > sphere.AVERAGED_PX
+    far = np.maximum(np.abs(np.arange(80) - at[0])[:, None], np.abs(np.arange(62) - at[1])) > max(sphere.PARTS)
     expected = 1e3 * sphere.solid_angles(view)[at] * CIE.far(np.maximum(deg, 1e-3).ravel()).reshape(80, 62)
     assert shown[1][far] == pytest.approx(expected[far], rel=2e-3)
     assert not shown[[0, 2]].any()

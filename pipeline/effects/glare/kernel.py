@@ -33,7 +33,7 @@ from entoptic.pipeline.optics import radial, whole
 
 FALLS, TURNS = 2.8, 1.2
 """Powers of the angle between which glare's falls: θ^−2.8 and θ^−1.6. Engineering choice: with them the least errors
-over the whole view (docs/decisions/0017-glare-on-the-sphere.md)."""
+over the whole view (docs/decisions/0018-glare-on-the-sphere.md)."""
 FAR_CELLS = (0.5, 5.0)
 """Cells of the plane between which what is near gives way to what is far. Engineering choice: a rise that quadratic
 B-splines follow within 3 %."""
