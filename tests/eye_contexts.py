@@ -7,6 +7,7 @@ import numpy as np
 
 from entoptic.pipeline import Display, Effects, EyeContext, EyePose, Frame, GlareLevel, Light, Observer, View
 from entoptic.pipeline.effects.glare import Mixture, glare
+from entoptic.pipeline.effects.glare.scatter import DARKNESS
 from entoptic.pipeline.measure import measure
 from entoptic.pipeline.optics.aperture import Pose
 from entoptic.pipeline.viewing import view_frame
@@ -23,8 +24,14 @@ def looking_at(view: View, x_px: float, y_px: float, pupil_diameter_mm: float) -
 
 
 def glared(
-    rgb: np.ndarray, view: View, mixture: Mixture, level: GlareLevel = GlareLevel.QUARTER, *lights: Light
+    rgb: np.ndarray,
+    view: View,
+    mixture: Mixture,
+    level: GlareLevel = GlareLevel.QUARTER,
+    *lights: Light,
+    beyond_cd_m2: np.ndarray = DARKNESS,
 ) -> np.ndarray:
     """One image (3, y, x) with the glare of a function, by an eye whose pupil is 5 mm wide."""
-    image = glare(jnp.array(rgb, jnp.float32), view, mixture, level, None, lights, Observer(gratings=60), Pose(5.0))
+    eye = Observer(gratings=60), Pose(5.0)
+    image = glare(jnp.array(rgb, jnp.float32), view, mixture, level, None, lights, *eye, beyond_cd_m2)
     return np.asarray(image, np.float64)

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from entoptic.pipeline.frame import LUMINANCE_WEIGHTS
+from entoptic.pipeline.frame import LUMINANCE_WEIGHTS, View
 from entoptic.pipeline.observer import Iris
 from entoptic.pipeline.oracles import point_spread, sphere
 from entoptic.pipeline.oracles.sphere import Function
@@ -36,16 +36,33 @@ glare beyond."""
 
 
 def of_eye(
-    light: ArrayLike, eye: EyeContext, mixture: Mixture, model: str, ceiling_cd_m2: float | None = None
+    light: ArrayLike,
+    eye: EyeContext,
+    mixture: Mixture,
+    model: str,
+    is_mirrored: bool,
+    beyond_cd_m2: Reals,
+    ceiling_cd_m2: float | None = None,
 ) -> Reals:
-    """One eye's image (3, y, x) in cd/m² with glare of its pixels. `mixture` is what its function is sampled of."""
-    values = np.asarray(light, np.float64)
+    """One eye's image (3, y, x) in cd/m² with glare of its pixels. `mixture` is what its function is sampled of.
+
+    Beyond the image, or its mirror image around it, is light of `beyond_cd_m2` all over, which scatters into itself.
+    """
+    values, view, beyond = np.asarray(light, np.float64), eye.view, np.asarray(beyond_cd_m2, np.float64)[:, None, None]
+    down, right = (-(-size // 4) if is_mirrored else 0 for size in values.shape[1:])
+    values = np.pad(values, ((0, 0), (down, down), (right, right)), mode="symmetric")
+    width = view.width_px + 2 * right
+    fov_deg = 2 * np.degrees(np.arctan(width / 2 / view.focal_px))
+    view = View(width, view.height_px + 2 * down, float(fov_deg))
     function = function_of(eye, mixture, model)
-    if ceiling_cd_m2 is None:
-        return sphere.glare(values, eye.view, function)
-    luminance = np.einsum("c,cyx->yx", LUMINANCE_WEIGHTS, values)
-    above = values * (1 - ceiling_cd_m2 / np.maximum(luminance, ceiling_cd_m2))
-    return np.asarray(values - above + sphere.glare(above, eye.view, function))
+    spreads = values
+    if ceiling_cd_m2 is not None:
+        spreads, beyond = (
+            each * (1 - ceiling_cd_m2 / np.maximum(np.einsum("c,cyx->yx", LUMINANCE_WEIGHTS, each), ceiling_cd_m2))
+            for each in (values, beyond)
+        )
+    seen = values - spreads + beyond + sphere.glare(spreads - beyond, view, function)
+    return np.asarray(seen[:, down : down + eye.view.height_px, right : right + eye.view.width_px])
 
 
 def function_of(eye: EyeContext, mixture: Mixture, model: str) -> Function:

@@ -31,8 +31,8 @@ from entoptic.pipeline.effects.effect import SKIPPED, Cost, Domain, Effect, Pict
 from entoptic.pipeline.effects.glare import bounds, lights
 from entoptic.pipeline.effects.glare.kernel import Mixture
 from entoptic.pipeline.effects.glare.models import GlareModel, mixture
-from entoptic.pipeline.effects.glare.scatter import glare
-from entoptic.pipeline.effects.glare.settings import Glare, GlareLevel
+from entoptic.pipeline.effects.glare.scatter import DARKNESS, cropped, glare, mirrored
+from entoptic.pipeline.effects.glare.settings import Edge, Glare, GlareLevel
 from entoptic.pipeline.effects.tone import full_cd_m2
 from entoptic.pipeline.measure import MAX_SOURCES
 from entoptic.pipeline.oracles import glare as glare_oracle
@@ -60,6 +60,8 @@ class PreparedGlare:
     """What glare works out once a frame and eye."""
 
     kernel: Mixture
+    beyond_cd_m2: NDArray[np.float64]
+    """Red, green and blue light beyond the frame's edges."""
     ceiling_cd_m2: float | None = None
     """Where given, only the light above it scatters."""
 
@@ -98,9 +100,11 @@ class GlareEffect(Effect[Glare, None]):
 
     def prepare(self, eye: EyeContext, settings: Glare) -> PreparedGlare:
         kernel = mixture(settings.model, eye.observer, eye.aperture, eye.adapted_cd_m2, eye.view.ppd_centre)
+        beyond = DARKNESS if settings.edge is Edge.DARK else eye.measured.log_average_cd_m2
         if not settings.above_display:
-            return PreparedGlare(kernel)
-        return PreparedGlare(kernel, full_cd_m2(eye.adapted_cd_m2, eye.target_cd_m2, eye.effects.tone, eye.display))
+            return PreparedGlare(kernel, beyond)
+        ceiling_cd_m2 = full_cd_m2(eye.adapted_cd_m2, eye.target_cd_m2, eye.effects.tone, eye.display)
+        return PreparedGlare(kernel, beyond, ceiling_cd_m2)
 
     def prepared(self, eye: EyeContext) -> PreparedGlare:
         """What it worked out for an eye."""
@@ -125,20 +129,27 @@ class GlareEffect(Effect[Glare, None]):
         level: str,
         tiles: NDArray[np.bool_] | None,
     ) -> Float[Array, "eye 3 y x"]:
-        images = [
-            glare(
-                picture.image[k],
-                eye.view,
-                self.prepared(eye).kernel,
-                GlareLevel(level),
-                self.prepared(eye).ceiling_cd_m2,
-                eye.lights,
-                eye.observer,
-                eye.aperture,
-            )
-            for k, eye in enumerate(eyes)
-        ]
+        images = [self._glare(picture.image[k], eye, settings.edge, GlareLevel(level)) for k, eye in enumerate(eyes)]
         return _alone(images[0]) if len(images) == 1 else jnp.stack(images)
+
+    def _glare(
+        self, image: Float[Array, "3 y x"], eye: EyeContext, edge: Edge, level: GlareLevel
+    ) -> Float[Array, "3 y x"]:
+        prepared, view = self.prepared(eye), eye.view
+        if edge is Edge.MIRRORED:
+            image, view = mirrored(image, view)
+        image = glare(
+            image,
+            view,
+            prepared.kernel,
+            level,
+            prepared.ceiling_cd_m2,
+            eye.lights,
+            eye.observer,
+            eye.aperture,
+            prepared.beyond_cd_m2,
+        )
+        return cropped(image, eye.view) if edge is Edge.MIRRORED else image
 
     def left_out(self, picture: Picture, eyes: Sequence[EyeContext]) -> Float[Array, "eye 3 y x"]:
         if not eyes[0].lights:
@@ -148,15 +159,16 @@ class GlareEffect(Effect[Glare, None]):
     def bound(self, ranges: TileRanges, eye: EyeContext, settings: Glare, level: str) -> Change:
         prepared = self.prepared(eye)
         if level == SKIPPED:
-            return bounds.skipped(prepared.kernel, eye.measured, prepared.ceiling_cd_m2)
-        return bounds.reduced(prepared.kernel, eye.measured, GlareLevel(level), settings.level, prepared.ceiling_cd_m2)
+            return bounds.skipped(prepared.kernel, eye.measured, prepared.beyond_cd_m2, prepared.ceiling_cd_m2)
+        levels = GlareLevel(level), settings.level
+        return bounds.reduced(prepared.kernel, eye.measured, *levels, prepared.beyond_cd_m2, prepared.ceiling_cd_m2)
 
     def propagate(self, changes: TileChanges, ranges: TileRanges, eye: EyeContext, settings: Glare) -> Change:
         return bounds.propagate(changes.image, self.prepared(eye).kernel)
 
     def ranges_after(self, ranges: TileRanges, hidden: Change, eye: EyeContext, settings: Glare) -> Range:
         prepared = self.prepared(eye)
-        return bounds.after(prepared.kernel, eye.measured, hidden, prepared.ceiling_cd_m2)
+        return bounds.after(prepared.kernel, eye.measured, hidden, prepared.beyond_cd_m2, prepared.ceiling_cd_m2)
 
     def reason(self, eye: EyeContext, settings: Glare) -> str:
         count = len(eye.measured.sources)
@@ -168,7 +180,15 @@ class GlareEffect(Effect[Glare, None]):
 
     def oracle(self, picture: Picture, eye: EyeContext, settings: Glare) -> NDArray[np.float64]:
         prepared = self.prepared(eye)
-        return glare_oracle.of_eye(picture.image[0], eye, prepared.kernel, settings.model.value, prepared.ceiling_cd_m2)
+        return glare_oracle.of_eye(
+            picture.image[0],
+            eye,
+            prepared.kernel,
+            settings.model.value,
+            settings.edge is Edge.MIRRORED,
+            prepared.beyond_cd_m2,
+            prepared.ceiling_cd_m2,
+        )
 
     def truth_of(self, settings: Glare) -> Glare:
         return msgspec.structs.replace(settings, level=GlareLevel.FULL)
@@ -179,7 +199,8 @@ class GlareEffect(Effect[Glare, None]):
     def variants(self) -> Mapping[str, Glare]:
         levels = {level.value: Glare(level=level) for level in (Glare().level, *GlareLevel)}
         models = {model.value: Glare(model=model) for model in GlareModel if model is not GlareModel.WAVE}
-        return levels | models
+        edges = {edge.value: Glare(model=GlareModel.CIE, edge=edge) for edge in Edge if edge is not Glare().edge}
+        return levels | models | edges
 
 
 GLARE = GlareEffect()

@@ -32,11 +32,15 @@ class Choice(NamedTuple):
 
 @functools.partial(jax.jit, static_argnames=("plane", "choice"))
 def standing_out(
-    light: Float[Array, "3 y x"], cells: Float[Array, "3 row column"], plane: Plane, choice: Choice
+    light: Float[Array, "3 y x"],
+    cells: Float[Array, "3 row column"],
+    beyond: Float[Array, "3 1 1"],
+    plane: Plane,
+    choice: Choice,
 ) -> Apart:
-    """The pixels of a frame, and its cells."""
+    """Of a frame's pixels, with what they have more than there is beyond its edges, as its cells are given."""
     pool = plane.pool
-    around = _mean_around(luminance(cells))
+    around = _mean_around(luminance(cells + beyond))
     peaks = luminance(_maxima(light, pool))
     ratio = jnp.where(around > 0, peaks / jnp.where(around > 0, around, 1), 0)
     ratio = jnp.where(_within(plane), ratio, 0)
@@ -55,15 +59,14 @@ def standing_out(
         0
     ]
     y, x = (place.at[chosen].get(mode="fill", fill_value=0) for place in (y, x))
-    return Apart(y, x, colour.at[:, chosen].get(mode="fill", fill_value=0))
+    more = colour.at[:, chosen].get(mode="fill", fill_value=0) - beyond[:, :, 0]
+    return Apart(y, x, jnp.where(chosen < own.size, more, 0))
 
 
 def _within(plane: Plane) -> NDArray[np.bool_]:
     """Cells whose near light reaches no further than windows do."""
     rows, columns = (np.arange(size) * plane.pool + plane.pool / 2 for size in plane.tables.corner.shape)
-    with jax.ensure_compile_time_eval():
-        reach = reach_px(plane, rows[:, None].astype(np.float32), columns[None].astype(np.float32))
-        return np.asarray(reach) <= REACHES_PX[-1] - plane.pool * 4
+    return np.asarray(reach_px(plane, rows[:, None], columns[None]) <= REACHES_PX[-1] - plane.pool * 4)
 
 
 def _threshold(ratio: Array, choice: Choice, most: int) -> Array:

@@ -2,7 +2,7 @@
 
 A pixel gives away a share of its own light and gets the same shares of the light around it, so it changes by no more
 than the sum, over rings around it, of what the eye scatters there times how far the light there can differ from its
-own. A plain wall hardly changes; a wall beside a lamp does. Beyond the frame's edge it is dark.
+own. A plain wall hardly changes; a wall beside a lamp does.
 
 Rings are squares of tiles. What is scattered beyond a square is the mean of what is scattered beyond its border in each
 direction; the four in which it is nearest say more than there is, but never less.
@@ -25,6 +25,7 @@ from entoptic.pipeline.measure import Measurement
 from entoptic.pipeline.optics import radial
 from entoptic.pipeline.ranges import Change, Range
 
+Reals = NDArray[np.float64]
 Off = tuple[float, float, float]
 """How far off what is near is, what is far, and the angle in degrees between."""
 ALL: Off = (1.0, 1.0, 0.0)
@@ -43,24 +44,31 @@ NEXT_PX = 0.5
 """Light scattered no further stays in its pixel."""
 
 
-def skipped(mixture: Mixture, measured: Measurement, ceiling_cd_m2: float | None = None) -> Change:
-    """The most that leaving glare out changes, in cd/m²."""
-    return _change(mixture, measured, ceiling_cd_m2, ALL)
+def skipped(mixture: Mixture, measured: Measurement, beyond_cd_m2: Reals, ceiling_cd_m2: float | None = None) -> Change:
+    """The most that leaving glare out changes, in cd/m², where `beyond_cd_m2` is the light beyond the frame's edges."""
+    return _change(mixture, measured, beyond_cd_m2, ceiling_cd_m2, ALL)
 
 
 def reduced(
-    mixture: Mixture, measured: Measurement, level: GlareLevel, asked: GlareLevel, ceiling_cd_m2: float | None = None
+    mixture: Mixture,
+    measured: Measurement,
+    level: GlareLevel,
+    asked: GlareLevel,
+    beyond_cd_m2: Reals,
+    ceiling_cd_m2: float | None = None,
 ) -> Change:
     """The most that a level differs from the one asked for, in cd/m²."""
     total: Change = np.zeros_like(measured.range_cd_m2.low)
     if level is not asked:
         for each in (level, asked):
             off = OFF_NEAR[each], OFF_FAR[each], far_deg(plane_for(measured.view, each))[1]
-            total = total + _change(mixture, measured, ceiling_cd_m2, off)
+            total = total + _change(mixture, measured, beyond_cd_m2, ceiling_cd_m2, off)
     return total
 
 
-def after(mixture: Mixture, measured: Measurement, hidden: Change, ceiling_cd_m2: float | None = None) -> Range:
+def after(
+    mixture: Mixture, measured: Measurement, hidden: Change, beyond_cd_m2: Reals, ceiling_cd_m2: float | None = None
+) -> Range:
     """What may stand in each tile whether glare has run or not; `hidden` is what it may change.
 
     A pixel is afterwards between its own light and that of the pixels around, each in its share: no brighter than the
@@ -77,10 +85,11 @@ def after(mixture: Mixture, measured: Measurement, hidden: Change, ceiling_cd_m2
         across[:, i, i] = 0
     across[:, 3] = (own[:, 3:] - of_luminance) * np.array(LUMINANCE_WEIGHTS)[:, None, None]
     low, high = range_.low.copy(), range_.high.copy()
-    ring_low, ring_high = _dark_at_edges(range_.low, measured), range_.high
+    outside = np.append(beyond_cd_m2, np.dot(LUMINANCE_WEIGHTS, beyond_cd_m2))
+    ring_low, ring_high = _with_edges(range_.low, range_.high, outside, measured)
     before_low, before_high, before = np.zeros_like(low), np.zeros_like(high), np.zeros_like(high[:3])
     for k in range(len(beyond)):
-        ring_low, ring_high = _wider(ring_low, ring_high, k)
+        ring_low, ring_high = _wider(ring_low, ring_high, outside, k)
         less, more = np.maximum(range_.low - ring_low, 0), np.maximum(ring_high - range_.high, 0)
         strayed = np.einsum("oiyx,iyx->oyx", across[k], ring_high[:3] - before)
         low -= own[k] * (less - before_low) + strayed
@@ -96,59 +105,64 @@ def propagate(change: Change, mixture: Mixture) -> Change:
     return np.broadcast_to((gain @ change[:3].max(axis=(1, 2)))[:, None, None], change.shape)
 
 
-def _change(mixture: Mixture, measured: Measurement, ceiling_cd_m2: float | None, off: Off) -> Change:
+def _change(
+    mixture: Mixture, measured: Measurement, beyond_cd_m2: Reals, ceiling_cd_m2: float | None, off: Off
+) -> Change:
     range_ = measured.range_cd_m2
-    low, high = range_.low[:3], range_.high[:3]
+    low, high, outside = range_.low[:3], range_.high[:3], beyond_cd_m2
     if ceiling_cd_m2 is not None:
         low, high = np.zeros_like(low), np.where(range_.high[3] > ceiling_cd_m2, high, 0)
-    ring_low, ring_high = _dark_at_edges(low, measured), high
+        if np.dot(LUMINANCE_WEIGHTS, beyond_cd_m2) < ceiling_cd_m2:
+            outside = np.zeros(3)
+    ring_low, ring_high = _with_edges(low, high, outside, measured)
     change, before = np.zeros_like(range_.low), np.zeros_like(low)
     for k, of_ring in enumerate(_beyond_rings(mixture, measured, off)):
-        ring_low, ring_high = _wider(ring_low, ring_high, k)
+        ring_low, ring_high = _wider(ring_low, ring_high, outside, k)
         apart = np.maximum(ring_high - low, high - ring_low)
         change += np.einsum("oiyx,iyx->oyx", of_ring, apart - before)
         before = apart
     return np.asarray(change + SWING * change.max(axis=0))
 
 
-def _beyond_rings(mixture: Mixture, measured: Measurement, off: Off) -> NDArray[np.float64]:
+def _beyond_rings(mixture: Mixture, measured: Measurement, off: Off) -> Reals:
     """What is scattered beyond where each ring begins: (ring, 4, 3, row, column)."""
     key = "rings", measured.view, measured.range_cd_m2.tile_px, off
     of_parts = [weight * part.kept(key, functools.partial(_rings, part, measured, off)) for part, weight in mixture]
     return np.asarray(of_parts[0] if len(of_parts) == 1 else np.sum(of_parts, axis=0))
 
 
-def _dark_at_edges(low: NDArray[np.float64], measured: Measurement) -> NDArray[np.float64]:
-    """A tile that the frame's edge cuts is dark beyond it."""
-    low = low.copy()
-    if measured.view.height_px % measured.range_cd_m2.tile_px:
-        low[:, -1] = 0
-    if measured.view.width_px % measured.range_cd_m2.tile_px:
-        low[:, :, -1] = 0
-    return low
+def _with_edges(low: Reals, high: Reals, outside: Reals, measured: Measurement) -> tuple[Reals, Reals]:
+    """Ranges of tiles, where those that the frame's edge cuts reach beyond it."""
+    low, high = low.copy(), high.copy()
+    for axis, size in ((1, measured.view.height_px), (2, measured.view.width_px)):
+        if size % measured.range_cd_m2.tile_px:
+            last = (slice(None), -1) if axis == 1 else (slice(None), slice(None), -1)
+            low[last] = np.minimum(low[last], outside[:, None])
+            high[last] = np.maximum(high[last], outside[:, None])
+    return low, high
 
 
-def _wider(
-    low: NDArray[np.float64], high: NDArray[np.float64], ring: int
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _wider(low: Reals, high: Reals, outside: Reals, ring: int) -> tuple[Reals, Reals]:
     """Ranges that reach as far as a ring, from those of the one within."""
     reaches = [0, *_reaches(max(low.shape[1:]))]
     tiles = reaches[ring + 1] - reaches[ring]
-    return _grown(low, np.minimum, tiles), _grown(high, np.maximum, tiles)
+    return _grown(low, outside, np.minimum, tiles), _grown(high, outside, np.maximum, tiles)
 
 
-def _grown(values: NDArray[np.float64], fold: Callable[..., NDArray[np.float64]], tiles: int) -> NDArray[np.float64]:
-    """The fold of all that lies within so many tiles more; beyond the frame it is dark."""
+def _grown(values: Reals, outside: Reals, fold: Callable[..., Reals], tiles: int) -> Reals:
+    """The fold of all that lies within so many tiles more, and of what is outside the frame."""
     count, rows, columns = values.shape
-    edged = np.zeros((count, rows + 2 * tiles, columns))
+    edged = np.empty((count, rows + 2 * tiles, columns))
+    edged[:] = outside[:, None, None]
     edged[:, tiles : tiles + rows] = values
     values = fold(fold(edged[:, :rows], edged[:, tiles : tiles + rows]), edged[:, 2 * tiles :])
-    edged = np.zeros((count, rows, columns + 2 * tiles))
+    edged = np.empty((count, rows, columns + 2 * tiles))
+    edged[:] = outside[:, None, None]
     edged[:, :, tiles : tiles + columns] = values
     return fold(fold(edged[:, :, :columns], edged[:, :, tiles : tiles + columns]), edged[:, :, 2 * tiles :])
 
 
-def _rings(part: Part, measured: Measurement, off: Off) -> NDArray[np.float64]:
+def _rings(part: Part, measured: Measurement, off: Off) -> Reals:
     """Of each ring, at each tile: what is scattered beyond where it begins, (ring, 4, 3, row, column)."""
     view, tile_px = measured.view, measured.range_cd_m2.tile_px
     rows, columns = measured.range_cd_m2.low.shape[1:]
@@ -177,7 +191,7 @@ def _reaches(tiles: int) -> list[int]:
     return found
 
 
-def _beyond(part: Part, off: Off) -> NDArray[np.float64]:
+def _beyond(part: Part, off: Off) -> Reals:
     """What is scattered beyond each of ANGLES_DEG, as far off as said: (4, 3, angle), to R, G, B, Y of each channel."""
     deg, light = part.kept("strewn", functools.partial(_strewn, part))
     counted = light * np.where(deg < off[2], off[0], off[1])
@@ -186,7 +200,7 @@ def _beyond(part: Part, off: Off) -> NDArray[np.float64]:
     return np.asarray(of_angle[..., ::-1].cumsum(axis=-1)[..., ::-1][..., :-1])
 
 
-def _strewn(part: Part) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _strewn(part: Part) -> tuple[Reals, Reals]:
     """Angles, and how much light goes that far: (n,) and (4, 3, n), all counted as positive."""
     angles, lights, begins = [], [], 0.0
     for per_deg, count in SAMPLED:
@@ -210,7 +224,7 @@ def _strewn(part: Part) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     return np.concatenate(angles), np.concatenate(lights, axis=2)
 
 
-def _gain(part: Part) -> NDArray[np.float64]:
+def _gain(part: Part) -> Reals:
     """(4, 3): what arrives at most in red, green, blue and luminance of a unit of each channel all over."""
     _, light = part.kept("strewn", functools.partial(_strewn, part))
     return np.asarray(light.sum(axis=2))

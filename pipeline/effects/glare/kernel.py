@@ -21,7 +21,7 @@ import functools
 from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple
 
-import jax.numpy as jnp
+import jax
 import numpy as np
 import scipy.fft
 from jaxtyping import Array, Complex, Float
@@ -82,6 +82,15 @@ class Mixed(NamedTuple):
     """All that the levels take."""
 
 
+class Sampled(NamedTuple):
+    """Density of what is near, sr⁻¹."""
+
+    fine: Float[Array, "o i k k"]
+    """FINE_PER_PX samples a pixel of the middle."""
+    core: Float[Array, "o i j j"]
+    """CORE_PER_PX samples a pixel, CORE_PX pixels to each side."""
+
+
 class Prepared(NamedTuple):
     """A part in a view's plane; weighted sums of these are what a mixture is there."""
 
@@ -90,8 +99,7 @@ class Prepared(NamedTuple):
     turning: Complex[Array, "o i v u"]
     near: Complex[Array, "o i v u"] | None
     """Of what is near and beyond the levels, for pixels that do not stand out."""
-    fine: Float[Array, "o i k k"]
-    """Density of what is near, sr⁻¹, FINE_PER_PX samples a pixel of the middle."""
+    sampled: Sampled
     mixed: Mixed
 
 
@@ -147,7 +155,8 @@ def _prepare(part: Part, plane: Plane) -> Prepared:
     bounds = [tuple(pixel_deg * edge * THEN**k for edge in FIRST_PX) for k in range(len(levels(plane)))]
     near, near_deg = _near_cells(part, plane.step_deg / 3, far, wider)
     near = _threes(near * smooth_step(near_deg, *bounds[-1])) if plane.pool == 1 else np.zeros((1, 1, 1, 1))
-    profile = _profile(part, pixel_deg, fine, fine_deg, far, wider)
+    core, core_deg = _core_cells(part, pixel_deg / CORE_PER_PX, far, wider)
+    profile = _profile(pixel_deg, core, core_deg, fine, fine_deg, far[1])
     taps = [_taps(profile, plane, k, stencil, bounds) for k, stencil in enumerate(levels(plane))]
     leaves = sum(
         len(around(tap)) * of_tap
@@ -155,17 +164,21 @@ def _prepare(part: Part, plane: Plane) -> Prepared:
         for tap, of_tap in zip(stencil, of_level, strict=True)
     )
     high, turning = _far(part, plane, wider)
-    cell_sr = np.radians(pixel_deg / FINE_PER_PX) ** 2
     return Prepared(
         high,
         turning,
         _transform(_at_origin(near / plane.step**2, plane), plane, 1.0) if plane.pool == 1 else None,
-        jnp.asarray(fine / cell_sr, jnp.float32),
+        Sampled(
+            *(
+                jax.device_put(np.float32(cells / np.radians(pixel_deg / per_px) ** 2))
+                for cells, per_px in ((fine, FINE_PER_PX), (core, CORE_PER_PX))
+            )
+        ),
         Mixed(
-            jnp.asarray(all_near, jnp.float32),
-            jnp.asarray(all_near - near.sum(axis=(2, 3)), jnp.float32),
-            tuple(jnp.asarray(of_level, jnp.float32) for of_level in taps),
-            jnp.asarray(leaves, jnp.float32),
+            jax.device_put(np.float32(all_near)),
+            jax.device_put(np.float32(all_near - near.sum(axis=(2, 3)))),
+            tuple(jax.device_put(np.float32(of_level)) for of_level in taps),
+            jax.device_put(np.float32(leaves)),
         ),
     )
 
@@ -175,6 +188,14 @@ def _near_cells(part: Part, side_deg: float, far: tuple[float, float], wider: fl
     reach = int(np.ceil(far[1] / side_deg)) + 1
     # So many that they come in threes.
     reach += (1 - reach) % 3
+    offset = np.arange(-reach, reach + 1) * side_deg
+    deg = np.hypot(offset[:, None], offset)
+    return part.cells(1 / side_deg, reach, wider) * (1 - smooth_step(deg, *far)), deg
+
+
+def _core_cells(part: Part, side_deg: float, far: tuple[float, float], wider: float) -> tuple[Reals, Reals]:
+    """The same close to the axis."""
+    reach = CORE_PER_PX * CORE_PX
     offset = np.arange(-reach, reach + 1) * side_deg
     deg = np.hypot(offset[:, None], offset)
     return part.cells(1 / side_deg, reach, wider) * (1 - smooth_step(deg, *far)), deg
@@ -238,22 +259,17 @@ def _transform(density: Reals, plane: Plane, gain: float) -> Array:
     u = np.fft.rfftfreq(plane.fft_width)[None, :]
     # Six powers of the two B-splines, two of the linear weights that pool pixels, one of the kernel's own cells.
     kept = np.abs(np.sinc(v) * np.sinc(u)) ** (9 if plane.pool > 1 else 7)
-    return jnp.asarray(scipy.fft.rfft2(density, workers=-1) / np.maximum(kept, 1 / gain), jnp.complex64)
+    return jax.device_put(np.complex64(scipy.fft.rfft2(density, workers=-1) / np.maximum(kept, 1 / gain)))
 
 
 def _profile(
-    part: Part, pixel_deg: float, fine: Reals, fine_deg: Reals, far: tuple[float, float], wider: float
+    pixel_deg: float, core: Reals, core_deg: Reals, fine: Reals, fine_deg: Reals, reach_deg: float
 ) -> Callable[[Reals], Reals]:
     """Mean density of what is near, (o, …) at angles: each channel's of its own light."""
-    side_deg = pixel_deg / CORE_PER_PX
-    reach = CORE_PER_PX * CORE_PX
-    offset = np.arange(-reach, reach + 1) * side_deg
-    core_deg = np.hypot(offset[:, None], offset)
-    core = part.cells(1 / side_deg, reach, wider) * (1 - smooth_step(core_deg, *far))
     angles, densities = [], []
     for cells, deg, side, low, high in (
-        (core, core_deg, side_deg, 0.0, (CORE_PX - 0.5) * pixel_deg),
-        (fine, fine_deg, pixel_deg / FINE_PER_PX, (CORE_PX - 0.5) * pixel_deg, far[1]),
+        (core, core_deg, pixel_deg / CORE_PER_PX, 0.0, (CORE_PX - 0.5) * pixel_deg),
+        (fine, fine_deg, pixel_deg / FINE_PER_PX, (CORE_PX - 0.5) * pixel_deg, reach_deg),
     ):
         ring = np.rint(deg / side).astype(int).ravel()
         count = np.maximum(np.bincount(ring), 1)

@@ -20,10 +20,20 @@ from jaxtyping import Array, Float
 from numpy.typing import NDArray
 
 from entoptic.pipeline.effects.glare import models
-from entoptic.pipeline.effects.glare.kernel import FALLS, Mixture, Part, far_deg, prepared, smooth_step
+from entoptic.pipeline.effects.glare.kernel import (
+    CORE_PER_PX,
+    FALLS,
+    FINE_PER_PX,
+    Mixture,
+    Part,
+    Sampled,
+    far_deg,
+    prepared,
+    smooth_step,
+)
 from entoptic.pipeline.effects.glare.plane import Plane, b_spline
 from entoptic.pipeline.effects.glare.spread import blended, mixed, scattered_on_plane
-from entoptic.pipeline.effects.glare.stamps import AT_ONCE, REACHES_PX, added, fine_deg_of, reach_px, windows
+from entoptic.pipeline.effects.glare.stamps import AT_ONCE, REACHES_PX, added, pixel_deg_of, reach_px, windows
 from entoptic.pipeline.frame import Light, View
 from entoptic.pipeline.observer import Observer
 from entoptic.pipeline.optics import light_spectra, radial, whole
@@ -138,7 +148,7 @@ def _with_disc(rgb: Float[Array, "3 y x"], light: Light, view: View) -> Float[Ar
     covered = np.clip((math.radians(light.radius_deg) - angle) / secant**-1.5 * view.focal_px + 0.5, 0, 1)
     cd_m2 = light.illuminance_lx / (2 * math.pi * (1 - math.cos(math.radians(light.radius_deg))))
     disc = colour_of(light.spectrum)[:, None, None] * covered * cd_m2
-    return rgb.at[:, top:bottom, left:right].add(jnp.asarray(disc, jnp.float32))
+    return rgb.at[:, top:bottom, left:right].add(jax.device_put(np.float32(disc)))
 
 
 @functools.lru_cache(maxsize=64)
@@ -179,7 +189,7 @@ def _on_plane(points: Points, plane: Plane) -> NDArray[np.bool_]:
 
 @functools.lru_cache(maxsize=8)
 def _plane_arrays(plane: Plane) -> tuple[Float[Array, "v u"], tuple[int, int, int, int]]:
-    return jnp.asarray(plane.cosines, jnp.float32), (plane.height, plane.width, plane.fft_height, plane.fft_width)
+    return jax.device_put(np.float32(plane.cosines)), (plane.height, plane.width, plane.fft_height, plane.fft_width)
 
 
 @functools.partial(jax.jit, static_argnames="size")
@@ -299,38 +309,42 @@ def lay_down(image: Float[Array, "3 y x"], groups: Sequence[Points], plane: Plan
             axis=1,
         )
         pixel = np.floor(place)
-        reaches = np.asarray(reach_px(plane, pixel[:, 0], pixel[:, 1]))
+        reaches = reach_px(plane, pixel[:, 0], pixel[:, 1])
         classes = np.minimum(np.searchsorted(REACHES_PX, reaches), len(REACHES_PX) - 1)
         made = prepared(points.mixture, plane)
         small = mixed([each.mixed for each, _ in made], np.array([weight for _, weight in made], np.float32))
-        fine = _fine([each.fine for each, _ in made], np.array([weight for _, weight in made], np.float32))
+        near = _near([each.sampled for each, _ in made], np.array([weight for _, weight in made], np.float32))
         for k in np.unique(classes):
             reach = REACHES_PX[k]
-            near = (classes == k) & (points.towards[:, 2] > 0.01)
-            near &= ((pixel > -reach) & (pixel < np.array([view.height_px, view.width_px]) + reach)).all(axis=1)
-            mine = np.flatnonzero(near)
+            close = (classes == k) & (points.towards[:, 2] > 0.01)
+            close &= ((pixel > -reach) & (pixel < np.array([view.height_px, view.width_px]) + reach)).all(axis=1)
+            mine = np.flatnonzero(close)
             for begin in range(0, len(mine), AT_ONCE):
                 some = mine[begin : begin + AT_ONCE]
                 at = np.zeros((AT_ONCE, 2), np.float32)
                 lux = np.zeros(AT_ONCE, np.float32)
                 at[: len(some)], lux[: len(some)] = place[some], points.lux[some]
-                image = _points(image, fine, fine_deg_of(plane), small.all_near, at, lux, view, reach)
+                image = _points(image, near, pixel_deg_of(plane), small.all_near, at, lux, view, reach)
     return image
 
 
 @jax.jit
-def _fine(each: Sequence[Array], weights: Float[Array, "part"]) -> Float[Array, "o i k k"]:
+def _near(each: Sequence[Sampled], weights: Float[Array, "part"]) -> Sampled:
     """What is near, without what stays within half a pixel."""
-    fine = blended(each, weights)
-    middle = fine.shape[-1] // 2
-    return fine.at[:, :, middle - 1 : middle + 2, middle - 1 : middle + 2].set(0)
+
+    def without_middle(samples: Array, per_px: int) -> Array:
+        cells = slice(samples.shape[-1] // 2 - per_px // 2, samples.shape[-1] // 2 + per_px // 2 + 1)
+        return samples.at[:, :, cells, cells].set(0)
+
+    fine, core = (blended([sampled[k] for sampled in each], weights) for k in range(2))
+    return Sampled(without_middle(fine, FINE_PER_PX), without_middle(core, CORE_PER_PX))
 
 
 @functools.partial(jax.jit, static_argnames=("view", "reach"), donate_argnames="image")
 def _points(
     image: Float[Array, "3 y x"],
-    fine: Float[Array, "3 1 k k"],
-    fine_deg: float,
+    near: Sampled,
+    pixel_deg: float,
     all_near: Float[Array, "3 1"],
     place: Float[Array, "n 2"],
     lux: Float[Array, "n"],
@@ -338,7 +352,7 @@ def _points(
     reach: int,
 ) -> Float[Array, "3 y x"]:
     pixel = jnp.floor(place).astype(jnp.int32)
-    made = windows(fine, fine_deg, pixel, place, view, reach)
+    made = windows(near, pixel_deg, pixel, place, view, reach)
     down, right = (
         (place[:, k] - size / 2) / np.float32(view.focal_px) for k, size in enumerate((view.height_px, view.width_px))
     )
@@ -379,5 +393,5 @@ def without_glare(image: Float[Array, "3 y x"], lights: Sequence[Light], view: V
             y, x = corner[0] + down, corner[1] + right
             if 0 <= y < view.height_px and 0 <= x < view.width_px:
                 share = abs(1 - down - beyond[0]) * abs(1 - right - beyond[1])
-                image = image.at[:, y, x].add(jnp.asarray(cd_m2 * share, jnp.float32))
+                image = image.at[:, y, x].add(jax.device_put(np.float32(cd_m2 * share)))
     return image

@@ -17,6 +17,7 @@ import itertools
 import math
 from typing import NamedTuple
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
@@ -143,11 +144,11 @@ def plane_of(view: View, pool: int) -> Plane:
         cosines=1 / np.sqrt(1 + across * across / 4),
         tables=Tables(
             zones,
-            jnp.asarray(place, jnp.int32),
-            jnp.asarray(first_y * width + first_x, jnp.int32),
-            jnp.asarray(weights_y, jnp.float32),
-            jnp.asarray(weights_x, jnp.float32),
-            jnp.asarray(pixel_solid_angles(down, right, pool, view.focal_px), jnp.float32),
+            jax.device_put(np.int32(place)),
+            jax.device_put(np.int32(first_y * width + first_x)),
+            jax.device_put(np.float32(weights_y)),
+            jax.device_put(np.float32(weights_x)),
+            jax.device_put(np.float32(pixel_solid_angles(down, right, pool, view.focal_px))),
         ),
     )
 
@@ -172,7 +173,7 @@ def _gathers(
         there = taps < count[cells]
         at = np.where(there, begin[cells] + taps, 0)
         zones.append(
-            Gather(jnp.asarray(source[at], jnp.int32), jnp.asarray(np.where(there, weights[at], 0), jnp.float32))
+            Gather(jax.device_put(np.int32(source[at])), jax.device_put(np.float32(np.where(there, weights[at], 0))))
         )
         place[cells] = reached + np.arange(len(cells))
         reached += len(cells)

@@ -19,11 +19,20 @@ class GlareLevel(DescribedEnum):
     FULL = "full", "Every pixel by itself."
 
 
+class Edge(DescribedEnum):
+    """What stands beyond a frame's edges and scatters into it, where the scene does not say."""
+
+    AVERAGE = "average", "Light everywhere as bright as the frame is on average, of its logarithm: no lamp counts much."
+    MIRRORED = "mirrored", "The frame's mirror image, a quarter of its size, and the average beyond: twice as slow."
+    DARK = "dark", "Nothing, as around a display in a dark room."
+
+
 class Glare(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """Which point-spread function, and how it is applied."""
 
     model: GlareModel = GlareModel.WAVE
     level: GlareLevel = GlareLevel.QUARTER
+    edge: Edge = Edge.AVERAGE
     above_display: Annotated[
         bool,
         described(

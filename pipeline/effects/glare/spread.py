@@ -1,7 +1,8 @@
 """All light of a frame scattered: pooled, over the plane, and back through the levels.
 
-Where nothing but rounding and the B-splines' swing can make the luminance of what arrives negative, since every
-function's is positive, nothing arrives.
+Beyond the frame's edges there is the same light everywhere. It scatters into itself, so only what the frame has more
+or less than that is scattered. Where nothing but rounding and the B-splines' swing can make the luminance of what
+arrives negative, since every function's is positive, nothing arrives.
 """
 
 from __future__ import annotations
@@ -48,12 +49,13 @@ class Pooled(NamedTuple):
     cells: Float[Array, "3 row column"]
 
 
-def pooled(light: Float[Array, "3 y x"], pool: int) -> Pooled:
-    """A frame whose sides are whole numbers of cells, at each level."""
+def pooled(light: Float[Array, "3 y x"], beyond: Float[Array, "3 1 1"], pool: int) -> Pooled:
+    """What a frame whose sides are whole numbers of cells has more than there is beyond its edges, at each level."""
     levels = [light]
     while 2 ** len(levels) <= pool:
         levels.append(_halved(levels[-1]))
-    return Pooled(tuple(levels[1:]), _to_cells(levels[-2]) if pool > 1 else light)
+    cells = _to_cells(levels[-2]) if pool > 1 else light
+    return Pooled(tuple(_more(level, beyond) for level in levels[1:]), _more(cells, beyond))
 
 
 def without(whole: Pooled, apart: Apart, pool: int) -> Pooled:
@@ -87,21 +89,23 @@ def arrives(
     rest: Float[Array, "3 row column"],
     parts: Sequence[Prepared],
     weights: NDArray[np.float32],
+    beyond: Float[Array, "3 1 1"],
     further: Float[Array, "3 v u"] | None = None,
 ) -> Float[Array, "3 row column"]:
-    """What the plane brings to each of a frame's cells, in cd/m².
+    """What the plane brings to each of a frame's cells, in cd/m² more than `beyond`.
 
     Far light of all `cells`; near light of the `rest` where cells are pixels, else the levels have it. `further` is the
     plane's own light from elsewhere, as `scattered_on_plane` gives it.
     """
     size = plane.height, plane.width, plane.fft_height, plane.fft_width
     spectra = [(part.high, part.turning, part.near) for part in parts]
-    return _positive(_arrives(cells, rest, plane.tables, _cosines(plane), spectra, weights, further, size, plane.pool))
+    low = _arrives(cells, rest, plane.tables, _cosines(plane), spectra, weights, further, size, plane.pool)
+    return _positive(low, beyond)
 
 
 @functools.lru_cache(maxsize=8)
 def _cosines(plane: Plane) -> Float[Array, "v u"]:
-    return jnp.asarray(plane.cosines, jnp.float32)
+    return jax.device_put(np.float32(plane.cosines))
 
 
 Size = tuple[int, int, int, int]
@@ -198,6 +202,7 @@ def combined(
     rest: Pooled,
     low: Float[Array, "3 row column"],
     mixed: Mixed,
+    beyond: Float[Array, "3 1 1"],
     view: View,
     pool: int,
 ) -> Float[Array, "3 y x"]:
@@ -209,9 +214,9 @@ def combined(
     for image, of_level in zip(reversed(rest.coarser), reversed(mixed.taps[1:]), strict=True):
         if side < pool:
             low = raised_at_once(low)
-        low = _positive(_level(low, image, of_level, view, side))
+        low = _positive(_level(low, image, of_level, view, side), beyond)
         side //= 2
-    return _smooth(light, low, mixed, view) if rest.coarser else _positive(_as_is(light, low, mixed, view))
+    return (_smooth if rest.coarser else _as_is)(light, low, mixed, beyond, view)
 
 
 @functools.partial(jax.jit, static_argnames=("view", "side"))
@@ -223,14 +228,24 @@ def _level(
 
 @functools.partial(jax.jit, static_argnames="view")
 def _smooth(
-    light: Float[Array, "3 y x"], low: Float[Array, "3 row column"], mixed: Mixed, view: View
+    light: Float[Array, "3 y x"],
+    low: Float[Array, "3 row column"],
+    mixed: Mixed,
+    beyond: Float[Array, "3 1 1"],
+    view: View,
 ) -> Float[Array, "3 y x"]:
-    return raised_linearly(low) + _near(light, mixed, view)
+    return _lit(raised_linearly(low) + _near(light - beyond, mixed, view) + beyond)
 
 
 @functools.partial(jax.jit, static_argnames="view")
-def _as_is(light: Float[Array, "3 y x"], low: Float[Array, "3 y x"], mixed: Mixed, view: View) -> Float[Array, "3 y x"]:
-    return low + _near(light, mixed, view)
+def _as_is(
+    light: Float[Array, "3 y x"],
+    low: Float[Array, "3 y x"],
+    mixed: Mixed,
+    beyond: Float[Array, "3 1 1"],
+    view: View,
+) -> Float[Array, "3 y x"]:
+    return _lit(low + _near(light - beyond, mixed, view) + beyond)
 
 
 def _near(light: Float[Array, "3 y x"], mixed: Mixed, view: View) -> Float[Array, "3 y x"]:
@@ -248,7 +263,17 @@ _to_cells = jax.jit(to_cells)
 
 
 @jax.jit
-def _positive(image: Float[Array, "3 y x"]) -> Float[Array, "3 y x"]:
+def _more(image: Float[Array, "3 y x"], beyond: Float[Array, "3 1 1"]) -> Float[Array, "3 y x"]:
+    return image - beyond
+
+
+@jax.jit
+def _positive(image: Float[Array, "3 y x"], beyond: Float[Array, "3 1 1"]) -> Float[Array, "3 y x"]:
+    """Of light more than `beyond`: no light where there would be less than none."""
+    return jnp.where(luminance(image) > -luminance(beyond), image, -beyond)
+
+
+def _lit(image: Float[Array, "3 y x"]) -> Float[Array, "3 y x"]:
     """Nothing where luminance is not above 0."""
     return jnp.where(luminance(image) > 0, image, 0)
 

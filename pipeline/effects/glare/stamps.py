@@ -17,17 +17,28 @@ import numpy as np
 from jaxtyping import Array, Float, Int
 from numpy.typing import NDArray
 
-from entoptic.pipeline.effects.glare.kernel import FINE_PER_PX, Mixed, Part, Prepared, far_deg
+from entoptic.pipeline.effects.glare.kernel import (
+    CORE_PER_PX,
+    FINE_PER_PX,
+    Mixed,
+    Part,
+    Prepared,
+    Sampled,
+    far_deg,
+)
 from entoptic.pipeline.effects.glare.plane import Plane
 from entoptic.pipeline.effects.glare.spread import Apart, blended, through
 from entoptic.pipeline.frame import View
 
-TILE_PX = 32
-"""Side of a tile that shares a window. Engineering choice: across it angles per pixel differ by up to 4 % at 52°."""
+TILE_RAD = 0.05
+"""Side of a tile that shares a window, in the middle. Engineering choice: across it angles per pixel differ by up
+to 5 % at 52°."""
 REACHES_PX = (24, 40, 64, 100, 144)
 """How far windows reach to each side: few shapes to compile."""
 PARTS = 3
 """Of a pixel along each side, where the function is looked up."""
+INNER_PX, INNER_PARTS = 2, 5
+"""Pixels around one where it is looked up in the core's samples, and at how many parts along each side."""
 AT_ONCE = 8
 """Windows made in one call."""
 KEPT = 600
@@ -43,18 +54,18 @@ class Window(NamedTuple):
     """All that other pixels get."""
 
 
-def reach_px(plane: Plane, row: Array | NDArray[np.floating], column: Array | NDArray[np.floating]) -> Array:
+def reach_px(plane: Plane, row: NDArray[np.floating], column: NDArray[np.floating]) -> NDArray[np.floating]:
     """How far near light reaches from a pixel, in the direction away from the axis, in which it reaches furthest."""
     view = plane.view
     down, right = (row + 0.5 - view.height_px / 2) / view.focal_px, (column + 0.5 - view.width_px / 2) / view.focal_px
-    radial = jnp.sqrt(down * down + right * right)
-    further = jnp.tan(jnp.minimum(jnp.arctan(radial) + np.float32(np.radians(far_deg(plane)[1])), 1.5))
-    return (further - radial) * view.focal_px
+    radial = np.hypot(down, right)
+    further = np.tan(np.minimum(np.arctan(radial) + np.radians(far_deg(plane)[1]), 1.5))
+    return np.asarray((further - radial) * view.focal_px)
 
 
-def tiles_of(apart_rows: NDArray[np.intp], apart_columns: NDArray[np.intp]) -> NDArray[np.intp]:
-    """Row and column of each pixel's tile."""
-    return np.stack([apart_rows // TILE_PX, apart_columns // TILE_PX], axis=1)
+def tile_px(view: View) -> int:
+    """Side of a tile."""
+    return max(1, int(view.focal_px * TILE_RAD))
 
 
 def lay_down(
@@ -70,13 +81,14 @@ def lay_down(
     if not lit.any():
         return image
     rows, columns, light = rows[lit], columns[lit], light[:, lit]
-    tiles = tiles_of(rows, columns)
+    side = tile_px(plane.view)
+    tiles = np.stack([rows // side, columns // side], axis=1)
     order = np.lexsort((tiles[:, 1], tiles[:, 0]))
     rows, columns, light, tiles = rows[order], columns[order], light[:, order], tiles[order]
     found, begins = np.unique(tiles, axis=0, return_index=True)
     begins = np.append(begins, len(tiles))
-    middles = found * TILE_PX + TILE_PX // 2
-    classes = np.searchsorted(REACHES_PX, np.asarray(reach_px(plane, *middles.T.astype(np.float32))))
+    middles = found * side + side // 2
+    classes = np.searchsorted(REACHES_PX, reach_px(plane, *middles.T))
     for k in np.unique(classes[classes < len(REACHES_PX)]):
         mine = np.flatnonzero(classes == k)
         members = np.concatenate([np.arange(begins[t], begins[t + 1]) for t in mine])
@@ -85,7 +97,7 @@ def lay_down(
         image = _laid_down(
             image,
             windows,
-            _padded(middles[mine] - TILE_PX // 2, 8),
+            _padded(middles[mine] - side // 2, 8),
             _padded(np.append(np.searchsorted(of_tile, np.arange(len(mine))), len(members)), 9, len(members)),
             len(mine),
             _padded(np.stack([rows[members], columns[members]], axis=1), 64),
@@ -130,9 +142,9 @@ def _bank_of(tiles: NDArray[np.intp], reach: int, plane: Plane, part: Part, prep
         kept.clear()
         missing = list(map(tuple, tiles.tolist()))
     for begin in range(0, len(missing), AT_ONCE):
-        some = np.array(missing[begin : begin + AT_ONCE])
-        middle = np.asarray(_padded(some, AT_ONCE), np.int64) * TILE_PX + TILE_PX // 2
-        made = windows(prepared.fine, fine_deg_of(plane), middle, middle + 0.5, plane.view, reach)
+        some, side = np.array(missing[begin : begin + AT_ONCE]), tile_px(plane.view)
+        middle = np.asarray(_padded(some, AT_ONCE), np.int64) * side + side // 2
+        made = windows(prepared.sampled, pixel_deg_of(plane), middle, middle + 0.5, plane.view, reach)
         for k, tile in enumerate(map(tuple, some.tolist())):
             kept[tile] = Window(made.density[k], made.given[k])
     asked = tuple(map(tuple, tiles.tolist()))
@@ -151,46 +163,63 @@ def _stacked(each: Sequence[Window]) -> Window:
     return Window(jnp.stack([one.density for one in each]), jnp.stack([one.given for one in each]))
 
 
-def fine_deg_of(plane: Plane) -> float:
-    """Side of a sample of what is near."""
-    return plane.step_deg / plane.pool / FINE_PER_PX
+def pixel_deg_of(plane: Plane) -> float:
+    """Side of a pixel of the middle."""
+    return plane.step_deg / plane.pool
 
 
 @functools.partial(jax.jit, static_argnames=("view", "reach"))
 def windows(
-    fine: Float[Array, "o i k k"],
-    fine_deg: float,
+    sampled: Sampled,
+    pixel_deg: float,
     pixel: Int[Array, "n 2"],
     place: Float[Array, "n 2"],
     view: View,
     reach: int,
 ) -> Window:
     """Windows around pixels (row, column), of light at places (y, x) px in them."""
-    flat = fine.reshape(*fine.shape[:2], -1)
-    middle = fine.shape[-1] // 2
-    offset = jnp.arange(-reach, reach + 1, dtype=jnp.float32)
-    parts = [(k + 0.5) / PARTS for k in range(PARTS)]
 
     def one(pixel: Array, place: Array) -> tuple[Array, Array]:
-        from_y, from_x, from_c, _ = _on_plane(place[0], place[1], view)
-        density, steradians = jnp.zeros((*fine.shape[:2], *[2 * reach + 1] * 2), jnp.float32), jnp.float32(0)
-        for down in parts:
-            for right in parts:
-                y, x, c, solid = _on_plane(
-                    (pixel[0] + offset + down)[:, None], (pixel[1] + offset + right)[None, :], view
-                )
-                away_y, away_x = y - from_y, x - from_x
-                # The angle for a distance in the plane; the direction stays.
-                scale = c * from_c * np.float32(180 / np.pi) / fine_deg
-                at_y, at_x = (jnp.rint(away * scale).astype(jnp.int32) + middle for away in (away_y, away_x))
-                inside = (at_y >= 0) & (at_y < fine.shape[-1]) & (at_x >= 0) & (at_x < fine.shape[-1])
-                density = density + jnp.where(inside, flat[:, :, jnp.where(inside, at_y * fine.shape[-1] + at_x, 0)], 0)
-                steradians = steradians + solid
-        count = np.float32(PARTS * PARTS)
-        density = (density / count).at[:, :, reach, reach].set(0)
-        return density, (density * (steradians / count)).sum(axis=(2, 3))
+        density, steradians = _seen(sampled.fine, pixel_deg / FINE_PER_PX, pixel, place, view, reach, PARTS)
+        inner, _ = _seen(sampled.core, pixel_deg / CORE_PER_PX, pixel, place, view, INNER_PX, INNER_PARTS)
+        inside = slice(reach - INNER_PX, reach + INNER_PX + 1)
+        density = density.at[:, :, inside, inside].set(inner).at[:, :, reach, reach].set(0)
+        return density, (density * steradians).sum(axis=(2, 3))
 
     return Window(*jax.vmap(one)(pixel, place))
+
+
+def _seen(
+    samples: Float[Array, "o i k k"],
+    side_deg: Array | float,
+    pixel: Array,
+    place: Array,
+    view: View,
+    reach: int,
+    count: int,
+) -> tuple[Float[Array, "o i w w"], Float[Array, "w w"]]:
+    """Density in the pixels around one, of light at a place in it, on average over so many parts along each side; and
+    their solid angles.
+    """
+    flat = samples.reshape(*samples.shape[:2], -1)
+    side, middle = samples.shape[-1], samples.shape[-1] // 2
+    offset = jnp.arange(-reach, reach + 1, dtype=jnp.float32)
+    from_y, from_x, from_c, _ = _on_plane(place[0], place[1], view)
+
+    def add(part: Array, total: tuple[Array, Array]) -> tuple[Array, Array]:
+        down, right = ((of + np.float32(0.5)) / count for of in (part // count, part % count))
+        y, x, c, solid = _on_plane((pixel[0] + offset + down)[:, None], (pixel[1] + offset + right)[None, :], view)
+        # The angle for a distance in the plane; the direction stays.
+        scale = c * from_c * np.float32(180 / np.pi) / side_deg
+        at_y, at_x = (jnp.rint(away * scale).astype(jnp.int32) + middle for away in (y - from_y, x - from_x))
+        inside = (at_y >= 0) & (at_y < side) & (at_x >= 0) & (at_x < side)
+        found = jnp.where(inside, flat[:, :, jnp.where(inside, at_y * side + at_x, 0)], 0)
+        return total[0] + found, total[1] + solid
+
+    width = 2 * reach + 1
+    nothing = jnp.zeros((*samples.shape[:2], width, width), jnp.float32), jnp.zeros((width, width), jnp.float32)
+    density, steradians = jax.lax.fori_loop(0, count * count, add, nothing)
+    return density / np.float32(count * count), steradians / np.float32(count * count)
 
 
 def _on_plane(y_px: Array, x_px: Array, view: View) -> tuple[Array, Array, Array, Array]:
@@ -214,7 +243,7 @@ def _laid_down(
     view: View,
     reach: int,
 ) -> Float[Array, "3 y x"]:
-    side = TILE_PX + 2 * reach
+    side = tile_px(view) + 2 * reach
 
     def of_tile(t: Array, image: Array) -> Array:
         density, given = bank.density[t], bank.given[t]
