@@ -10,7 +10,7 @@ import jax.numpy as jnp
 import msgspec
 import numpy as np
 from jaxtyping import Array, Float
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from entoptic.described import DescribedEnum, described
 from entoptic.errors import EntopticError
@@ -107,6 +107,32 @@ class Light:
             )
 
 
+@dataclasses.dataclass(frozen=True, eq=False)
+class Surroundings:
+    """Light from beyond a view's edges, in pieces, where the scene knows it: what the view shows is not in it."""
+
+    towards: NDArray[np.float32]
+    """Unit vectors of their middles (n, 3): right, down, ahead."""
+    rgb_lx: NDArray[np.float32]
+    """Illuminance of each, of red, green and blue (n, 3): its luminance times its solid angle, as it is seen."""
+    steradians: NDArray[np.float32]
+    """Their solid angles (n,)."""
+
+    def outside_rad(self, view: View) -> NDArray[np.float32]:
+        """How far beyond the nearest edge of a view each lies, (n,); negative within."""
+        return outside_rad(self.towards, view)
+
+
+def outside_rad(towards: NDArray[np.floating], view: View) -> NDArray[np.float32]:
+    """How far beyond the edges of a view directions (n, 3) lie, in radians; negative within."""
+    right, down, ahead = towards.T
+    half = view.width_px / 2 / view.focal_px, view.height_px / 2 / view.focal_px
+    beyond = [
+        (np.abs(side) - ahead * edge) / math.hypot(1, edge) for side, edge in zip((right, down), half, strict=True)
+    ]
+    return np.arcsin(np.clip(np.maximum(*beyond), -1, 1)).astype(np.float32)
+
+
 @dataclasses.dataclass(frozen=True)
 class Frame:
     """What stands before the eyes: linear Rec.709 RGB (D65 white) in cd/m², one image an eye."""
@@ -118,6 +144,8 @@ class Frame:
     """Lights that the pixels do not show, drawn with their glare."""
     all_around_cd_m2: float | None = None
     """Mean luminance of all that surrounds the eye, by solid angle, where the scene knows it."""
+    surroundings: Surroundings | None = None
+    """What lies beyond the view's edges, where the scene knows it; else glare's settings say it."""
 
     @classmethod
     def from_rgb(cls, rgb: ArrayLike, fov_deg: float = 104.0, *, cd_m2_per_unit: float = 1.0) -> Frame:

@@ -20,9 +20,17 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
+from numpy.typing import NDArray
 
 from entoptic.pipeline.effects.effect import Cost
-from entoptic.pipeline.frame import LUMINANCE_WEIGHTS, Cleaned, Frame, View
+from entoptic.pipeline.frame import (
+    LUMINANCE_WEIGHTS,
+    Cleaned,
+    Frame,
+    Surroundings,
+    View,
+    outside_rad,
+)
 from entoptic.pipeline.scenes.image_file import HdrFile, band_solid_angles
 from entoptic.pipeline.scenes.resample import area_mean
 from entoptic.pipeline.scenes.scene import Head, count_eyes, headset_view, rays, rotation
@@ -31,6 +39,23 @@ from entoptic.tracker_bridge.wire import Eye
 WIDEST_ROW_COSINE = 0.84
 """Rows nearer to the equator than this cosine of latitude (33°) keep all their texels, which leaves the part that is
 mostly looked at as sharp as it was; their texels are at most 1/0.84 too narrow, 1.2 % of ripple (sinc³ at 0.84)."""
+
+
+SPOT_ROWS, SPOT_RATIO, SPOTS = 360, 10.0, 64
+"""A panorama is looked through for spots in so many rows, half a degree each; one that is so many times brighter than
+its cell stands out, and at most so many do. Engineering choice."""
+CELL_ROWS = 20
+"""The rest of its light beyond a view is known in so many rows of cells, 9° each. Engineering choice: light further
+from the edge than a cell gives the view the same glare, within some percent."""
+
+
+class Pieces(NamedTuple):
+    """All of a panorama's light, in world directions, as Surroundings have it."""
+
+    towards: NDArray[np.float32]
+    """Unit vectors (n, 3): right, up, ahead."""
+    rgb_lx: NDArray[np.float32]
+    steradians: NDArray[np.float32]
 
 
 class Texels(NamedTuple):
@@ -64,8 +89,8 @@ class Panorama:
 
     @property
     def cost(self) -> Cost:
-        """Of a head that moves."""
-        return Cost(0.5, 27.0)
+        """Of a head that moves, with the glare of what lies beyond the view."""
+        return Cost(20.0, 27.0)
 
     def view_for(self, width_px: int | None, height_px: int | None, fov_deg: float) -> View:
         """Any view."""
@@ -79,7 +104,11 @@ class Panorama:
             # The last frame alone: a head that rests sees the same array, so that nothing is done twice.
             self._shown.clear()
             self._shown[seen] = Frame(
-                jnp.stack([image] * count_eyes(eyes)), view, self.cleaned, all_around_cd_m2=self._mean_cd_m2
+                jnp.stack([image] * count_eyes(eyes)),
+                view,
+                self.cleaned,
+                all_around_cd_m2=self._mean_cd_m2,
+                surroundings=beyond(self._pieces, view, head),
             )
         return self._shown[seen]
 
@@ -88,12 +117,65 @@ class Panorama:
         luminance = np.tensordot(np.array(LUMINANCE_WEIGHTS, np.float32), self.rgb_cd_m2, 1).mean(1, dtype=np.float64)
         return float(np.average(luminance, weights=band_solid_angles(len(luminance))))
 
+    @functools.cached_property
+    def _pieces(self) -> Pieces:
+        return pieces(self.rgb_cd_m2)
+
     def _texels_for(self, view: View) -> Texels:
         rows = min(self.rgb_cd_m2.shape[1], max(1, round(math.pi * view.focal_px)))
         if rows not in self._prepared:
             self._prepared.clear()  # one view at a time: a large panorama is hundreds of megabytes
             self._prepared[rows] = prepare(self.rgb_cd_m2, rows)
         return self._prepared[rows]
+
+
+def pieces(rgb: np.ndarray) -> Pieces:
+    """A panorama (3, y, 2y) in cells, and by themselves its brightest spots: what glare needs of it out of view."""
+    solid_angles = 4 * math.pi * band_solid_angles(rgb.shape[1]) / rgb.shape[2]
+    rows = min(SPOT_ROWS, rgb.shape[1])
+    of_spots = area_mean(np.swapaxes(area_mean(rgb * solid_angles[:, None].astype(np.float32), 2 * rows), 1, 2), rows)
+    lux = np.swapaxes(of_spots, 1, 2).astype(np.float64) * (rgb[0].size / (2 * rows * rows))
+    steradians = np.repeat(4 * math.pi * band_solid_angles(rows)[:, None] / (2 * rows), 2 * rows, axis=1)
+    cell = np.minimum(np.arange(rows) * CELL_ROWS // rows, CELL_ROWS - 1)
+    cell_columns = np.minimum(np.arange(2 * rows) * CELL_ROWS // rows, 2 * CELL_ROWS - 1)
+    index = (cell[:, None] * 2 * CELL_ROWS + cell_columns).ravel()
+
+    def summed(values: np.ndarray) -> np.ndarray:
+        return np.bincount(index, values.ravel(), 2 * CELL_ROWS**2)
+
+    luminance = np.tensordot(LUMINANCE_WEIGHTS, lux, 1)
+    mean = np.divide(
+        summed(luminance), summed(steradians), where=summed(steradians) > 0, out=np.zeros(2 * CELL_ROWS**2)
+    )
+    stands_out = luminance / steradians > SPOT_RATIO * mean[index].reshape(luminance.shape)
+    brightest = np.argsort(np.where(stands_out, luminance, 0).ravel(), kind="stable")[::-1][:SPOTS]
+    brightest = brightest[stands_out.ravel()[brightest]]
+    elevation = math.pi / 2 - (np.arange(rows) + 0.5) * math.pi / rows
+    azimuth = ((np.arange(2 * rows) + 0.5) / rows - 1) * math.pi
+    world = np.stack(
+        np.broadcast_arrays(
+            np.sin(azimuth) * np.cos(elevation)[:, None],
+            np.sin(elevation)[:, None],
+            np.cos(azimuth) * np.cos(elevation)[:, None],
+        )
+    ).reshape(3, -1)
+    spots = world[:, brightest].T, lux.reshape(3, -1)[:, brightest].T, steradians.ravel()[brightest]
+    rest = lux.reshape(3, -1).copy()
+    rest[:, brightest] = 0
+    towards = np.stack([summed(axis * steradians.ravel()) for axis in world], axis=1)
+    filled = np.linalg.norm(towards, axis=1) > 0
+    towards = towards[filled] / np.linalg.norm(towards[filled], axis=1, keepdims=True)
+    cells = towards, np.stack([summed(of)[filled] for of in rest], axis=1), summed(steradians)[filled]
+    return Pieces(*(np.concatenate([one, other]).astype(np.float32) for one, other in zip(spots, cells, strict=True)))
+
+
+def beyond(of: Pieces, view: View, head: Head) -> Surroundings:
+    """What of a panorama a view does not show; a piece on its edge in part, so that it comes and goes smoothly."""
+    towards = of.towards @ rotation(head) * np.array([1, -1, 1], np.float32)
+    radius = np.sqrt(of.steradians / np.float32(np.pi))
+    share = np.clip(0.5 + outside_rad(towards, view) / (2 * radius), 0, 1)
+    lit = share > 0
+    return Surroundings(towards[lit], of.rgb_lx[lit] * share[lit, None], of.steradians[lit] * share[lit])
 
 
 def prepare(rgb: np.ndarray, rows: int) -> Texels:

@@ -6,6 +6,7 @@ kernel.py     what a part is in a view's plane: far, near, and over a few pixels
 plane.py      the plane that light is scattered over, right everywhere in a view
 pyramid.py    the frame at lower resolutions, and back
 spread.py     all light pooled, scattered over the plane and laid on the pixels
+around.py     light that a scene knows beyond the view's edges
 apart.py      which pixels stand out
 stamps.py     near light of those, at true angles
 lights.py     lights of their own, with spectra
@@ -29,6 +30,7 @@ from numpy.typing import NDArray
 
 from entoptic.pipeline.effects.effect import SKIPPED, Cost, Domain, Effect, Picture, TileChanges, TileRanges
 from entoptic.pipeline.effects.glare import bounds, lights
+from entoptic.pipeline.effects.glare.around import Around, around
 from entoptic.pipeline.effects.glare.kernel import Mixture
 from entoptic.pipeline.effects.glare.models import GlareModel, mixture
 from entoptic.pipeline.effects.glare.scatter import DARKNESS, cropped, glare, mirrored
@@ -62,6 +64,8 @@ class PreparedGlare:
     kernel: Mixture
     beyond_cd_m2: NDArray[np.float64]
     """Red, green and blue light beyond the frame's edges."""
+    around: Around | None = None
+    """What the scene says of the light there more than that."""
     ceiling_cd_m2: float | None = None
     """Where given, only the light above it scatters."""
 
@@ -101,10 +105,15 @@ class GlareEffect(Effect[Glare, None]):
     def prepare(self, eye: EyeContext, settings: Glare) -> PreparedGlare:
         kernel = mixture(settings.model, eye.observer, eye.aperture, eye.adapted_cd_m2, eye.view.ppd_centre)
         beyond = DARKNESS if settings.edge is Edge.DARK else eye.measured.log_average_cd_m2
-        if not settings.above_display:
+        if settings.above_display:
+            ceiling_cd_m2 = full_cd_m2(eye.adapted_cd_m2, eye.target_cd_m2, eye.effects.tone, eye.display)
+            return PreparedGlare(kernel, beyond, ceiling_cd_m2=ceiling_cd_m2)
+        if eye.frame.surroundings is None:
             return PreparedGlare(kernel, beyond)
-        ceiling_cd_m2 = full_cd_m2(eye.adapted_cd_m2, eye.target_cd_m2, eye.effects.tone, eye.display)
-        return PreparedGlare(kernel, beyond, ceiling_cd_m2)
+        tile_px = eye.measured.range_cd_m2.tile_px
+        return PreparedGlare(
+            kernel, beyond, around(kernel, eye.frame.surroundings, eye.view, tuple(beyond.tolist()), tile_px)
+        )
 
     def prepared(self, eye: EyeContext) -> PreparedGlare:
         """What it worked out for an eye."""
@@ -119,7 +128,7 @@ class GlareEffect(Effect[Glare, None]):
         # Lights have functions of their own, which follow the pose; that of a deformed lens is never the same.
         pose = object() if eye.aperture.lens_m is not None else eye.aperture
         of_lights = (eye.observer, pose) if eye.lights else ()
-        return prepared.kernel, eye.view, prepared.ceiling_cd_m2, eye.lights, *of_lights
+        return prepared.kernel, eye.view, prepared.ceiling_cd_m2, eye.lights, prepared.around, *of_lights
 
     def apply(
         self,
@@ -136,7 +145,8 @@ class GlareEffect(Effect[Glare, None]):
         self, image: Float[Array, "3 y x"], eye: EyeContext, edge: Edge, level: GlareLevel
     ) -> Float[Array, "3 y x"]:
         prepared, view = self.prepared(eye), eye.view
-        if edge is Edge.MIRRORED:
+        mirrors = edge is Edge.MIRRORED and prepared.around is None
+        if mirrors:
             image, view = mirrored(image, view)
         image = glare(
             image,
@@ -148,8 +158,9 @@ class GlareEffect(Effect[Glare, None]):
             eye.observer,
             eye.aperture,
             prepared.beyond_cd_m2,
+            prepared.around,
         )
-        return cropped(image, eye.view) if edge is Edge.MIRRORED else image
+        return cropped(image, eye.view) if mirrors else image
 
     def left_out(self, picture: Picture, eyes: Sequence[EyeContext]) -> Float[Array, "eye 3 y x"]:
         if not eyes[0].lights:
@@ -158,17 +169,21 @@ class GlareEffect(Effect[Glare, None]):
 
     def bound(self, ranges: TileRanges, eye: EyeContext, settings: Glare, level: str) -> Change:
         prepared = self.prepared(eye)
+        light = prepared.beyond_cd_m2, prepared.ceiling_cd_m2
+        most = 0 if prepared.around is None else prepared.around.most
         if level == SKIPPED:
-            return bounds.skipped(prepared.kernel, eye.measured, prepared.beyond_cd_m2, prepared.ceiling_cd_m2)
+            return np.asarray(bounds.skipped(prepared.kernel, eye.measured, *light) + most)
         levels = GlareLevel(level), settings.level
-        return bounds.reduced(prepared.kernel, eye.measured, *levels, prepared.beyond_cd_m2, prepared.ceiling_cd_m2)
+        return np.asarray(bounds.reduced(prepared.kernel, eye.measured, *levels, *light) + OFF_AROUND * most)
 
     def propagate(self, changes: TileChanges, ranges: TileRanges, eye: EyeContext, settings: Glare) -> Change:
         return bounds.propagate(changes.image, self.prepared(eye).kernel)
 
     def ranges_after(self, ranges: TileRanges, hidden: Change, eye: EyeContext, settings: Glare) -> Range:
         prepared = self.prepared(eye)
-        return bounds.after(prepared.kernel, eye.measured, hidden, prepared.beyond_cd_m2, prepared.ceiling_cd_m2)
+        light = prepared.beyond_cd_m2, prepared.ceiling_cd_m2
+        found = bounds.after(prepared.kernel, eye.measured, hidden, *light)
+        return found if prepared.around is None else found.widened(prepared.around.most)
 
     def reason(self, eye: EyeContext, settings: Glare) -> str:
         count = len(eye.measured.sources)
@@ -203,6 +218,8 @@ class GlareEffect(Effect[Glare, None]):
         return levels | models | edges
 
 
+OFF_AROUND = 0.1
+"""How far levels differ in light from beyond the edges: they look it up at cells of different sizes."""
 GLARE = GlareEffect()
 
 

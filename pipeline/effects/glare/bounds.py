@@ -44,7 +44,12 @@ NEXT_PX = 0.5
 """Light scattered no further stays in its pixel."""
 
 
-def skipped(mixture: Mixture, measured: Measurement, beyond_cd_m2: Reals, ceiling_cd_m2: float | None = None) -> Change:
+def skipped(
+    mixture: Mixture,
+    measured: Measurement,
+    beyond_cd_m2: Reals,
+    ceiling_cd_m2: float | None = None,
+) -> Change:
     """The most that leaving glare out changes, in cd/m², where `beyond_cd_m2` is the light beyond the frame's edges."""
     return _change(mixture, measured, beyond_cd_m2, ceiling_cd_m2, ALL)
 

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from entoptic.pipeline.effects.glare import apart, lights, spread, stamps
 from entoptic.pipeline.effects.glare.apart import Choice
+from entoptic.pipeline.effects.glare.around import Around, at_cells
 from entoptic.pipeline.effects.glare.kernel import Mixture, prepared
 from entoptic.pipeline.effects.glare.plane import Plane, plane_of
 from entoptic.pipeline.effects.glare.settings import GlareLevel
@@ -55,6 +56,7 @@ def glare(
     observer: Observer = Observer(),
     pose: Pose = RESTING,
     beyond_cd_m2: NDArray[np.floating] = DARKNESS,
+    around: Around | None = None,
 ) -> Float[Array, "3 y x"]:
     """An image in cd/m² with the glare of all its light, or of that above a ceiling, and of lights of their own.
 
@@ -88,6 +90,8 @@ def glare(
     )
     if (outside := lights.from_outside(points, plane)) is not None:
         low = low + outside.astype(np.float32)
+    if around is not None:
+        low = low + at_cells(around, view, plane.pool)
     result = spread.combined(light, without, low, mixed, beyond, view, plane.pool)
     if any(rest):
         result = result[:, : view.height_px, : view.width_px]
