@@ -36,7 +36,7 @@ from entoptic.pipeline.effects.glare.models import GlareModel, mixture
 from entoptic.pipeline.effects.glare.scatter import DARKNESS, cropped, glare, mirrored
 from entoptic.pipeline.effects.glare.settings import Edge, Glare, GlareLevel
 from entoptic.pipeline.effects.tone import full_cd_m2
-from entoptic.pipeline.measure import MAX_SOURCES
+from entoptic.pipeline.measure import MAX_SOURCES, Measurement
 from entoptic.pipeline.oracles import glare as glare_oracle
 from entoptic.pipeline.ranges import Change, Range
 from entoptic.pipeline.words import number
@@ -62,12 +62,18 @@ class PreparedGlare:
     """What glare works out once a frame and eye."""
 
     kernel: Mixture
+    measured: Measurement
     beyond_cd_m2: NDArray[np.float64]
     """Red, green and blue light beyond the frame's edges."""
     around: Around | None = None
     """What the scene says of the light there more than that."""
     ceiling_cd_m2: float | None = None
     """Where given, only the light above it scatters."""
+
+    @functools.cached_property
+    def rings(self) -> bounds.Rings:
+        """The light around each tile."""
+        return bounds.rings(self.measured, self.beyond_cd_m2, self.ceiling_cd_m2)
 
 
 class GlareEffect(Effect[Glare, None]):
@@ -107,13 +113,12 @@ class GlareEffect(Effect[Glare, None]):
         beyond = DARKNESS if settings.edge is Edge.DARK else eye.measured.log_average_cd_m2
         if settings.above_display:
             ceiling_cd_m2 = full_cd_m2(eye.adapted_cd_m2, eye.target_cd_m2, eye.effects.tone, eye.display)
-            return PreparedGlare(kernel, beyond, ceiling_cd_m2=ceiling_cd_m2)
+            return PreparedGlare(kernel, eye.measured, beyond, ceiling_cd_m2=ceiling_cd_m2)
         if eye.frame.surroundings is None:
-            return PreparedGlare(kernel, beyond)
+            return PreparedGlare(kernel, eye.measured, beyond)
         tile_px = eye.measured.range_cd_m2.tile_px
-        return PreparedGlare(
-            kernel, beyond, around(kernel, eye.frame.surroundings, eye.view, tuple(beyond.tolist()), tile_px)
-        )
+        more = around(kernel, eye.frame.surroundings, eye.view, tuple(beyond.tolist()), tile_px)
+        return PreparedGlare(kernel, eye.measured, beyond, more)
 
     def prepared(self, eye: EyeContext) -> PreparedGlare:
         """What it worked out for an eye."""
@@ -169,20 +174,19 @@ class GlareEffect(Effect[Glare, None]):
 
     def bound(self, ranges: TileRanges, eye: EyeContext, settings: Glare, level: str) -> Change:
         prepared = self.prepared(eye)
-        light = prepared.beyond_cd_m2, prepared.ceiling_cd_m2
+        rings = prepared.rings
         most = 0 if prepared.around is None else prepared.around.most
         if level == SKIPPED:
-            return np.asarray(bounds.skipped(prepared.kernel, eye.measured, *light) + most)
-        levels = GlareLevel(level), settings.level
-        return np.asarray(bounds.reduced(prepared.kernel, eye.measured, *levels, *light) + OFF_AROUND * most)
+            return np.asarray(bounds.skipped(prepared.kernel, rings) + most)
+        differs = bounds.reduced(prepared.kernel, rings, GlareLevel(level), settings.level)
+        return np.asarray(differs + OFF_AROUND * most)
 
     def propagate(self, changes: TileChanges, ranges: TileRanges, eye: EyeContext, settings: Glare) -> Change:
         return bounds.propagate(changes.image, self.prepared(eye).kernel)
 
     def ranges_after(self, ranges: TileRanges, hidden: Change, eye: EyeContext, settings: Glare) -> Range:
         prepared = self.prepared(eye)
-        light = prepared.beyond_cd_m2, prepared.ceiling_cd_m2
-        found = bounds.after(prepared.kernel, eye.measured, hidden, *light)
+        found = bounds.after(prepared.kernel, prepared.rings, hidden)
         return found if prepared.around is None else found.widened(prepared.around.most)
 
     def reason(self, eye: EyeContext, settings: Glare) -> str:

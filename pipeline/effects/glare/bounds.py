@@ -10,9 +10,9 @@ direction; the four in which it is nearest say more than there is, but never les
 
 from __future__ import annotations
 
+import dataclasses
 import functools
 import math
-from collections.abc import Callable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -44,89 +44,93 @@ NEXT_PX = 0.5
 """Light scattered no further stays in its pixel."""
 
 
-def skipped(
-    mixture: Mixture,
-    measured: Measurement,
-    beyond_cd_m2: Reals,
-    ceiling_cd_m2: float | None = None,
-) -> Change:
-    """The most that leaving glare out changes, in cd/m², where `beyond_cd_m2` is the light beyond the frame's edges."""
-    return _change(mixture, measured, beyond_cd_m2, ceiling_cd_m2, ALL)
+@dataclasses.dataclass(frozen=True, eq=False)
+class Rings:
+    """The light around each tile, as far as each ring reaches, beyond the frame's edges too."""
+
+    measured: Measurement
+    low: Reals
+    """Least and largest of red, green, blue and luminance, (ring, 4, row, column)."""
+    high: Reals
+    further: Reals
+    """How much more red, green and blue there differ from the tile's own than as far as the ring within reaches."""
+    has_ceiling: bool
 
 
-def reduced(
-    mixture: Mixture,
-    measured: Measurement,
-    level: GlareLevel,
-    asked: GlareLevel,
-    beyond_cd_m2: Reals,
-    ceiling_cd_m2: float | None = None,
-) -> Change:
+def rings(measured: Measurement, beyond_cd_m2: Reals, ceiling_cd_m2: float | None = None) -> Rings:
+    """Of a frame with light of `beyond_cd_m2` beyond its edges; with a ceiling, only light above it scatters."""
+    outside = np.append(beyond_cd_m2, np.dot(LUMINANCE_WEIGHTS, beyond_cd_m2))
+    low, high = measured.range_cd_m2.low, measured.range_cd_m2.high
+    if ceiling_cd_m2 is not None:
+        low, high = np.zeros_like(low), np.where(high[3] > ceiling_cd_m2, high, 0)
+        outside = outside * (outside[3] > ceiling_cd_m2)
+    both, outside = np.concatenate([low, -high]), np.concatenate([outside, -outside])
+    grown, found, reached = _with_edges(both, outside, measured), [], 0
+    for reach in _reaches(max(low.shape[1:])):
+        grown = _grown(grown, outside, reach - reached)
+        found.append(grown)
+        reached = reach
+    around = np.array(found)
+    ring_low, ring_high = around[:, :4], -around[:, 4:]
+    apart = np.maximum(ring_high[:, :3] - low[:3], high[:3] - ring_low[:, :3])
+    return Rings(measured, ring_low, ring_high, np.diff(apart, axis=0, prepend=0), ceiling_cd_m2 is not None)
+
+
+def skipped(mixture: Mixture, rings: Rings) -> Change:
+    """The most that leaving glare out changes, in cd/m²."""
+    return _change(_beyond_rings(mixture, rings.measured, ALL), rings)
+
+
+def reduced(mixture: Mixture, rings: Rings, level: GlareLevel, asked: GlareLevel) -> Change:
     """The most that a level differs from the one asked for, in cd/m²."""
-    total: Change = np.zeros_like(measured.range_cd_m2.low)
-    if level is not asked:
-        for each in (level, asked):
-            off = OFF_NEAR[each], OFF_FAR[each], far_deg(plane_for(measured.view, each))[1]
-            total = total + _change(mixture, measured, beyond_cd_m2, ceiling_cd_m2, off)
-    return total
+    if level is asked:
+        return np.zeros_like(rings.low[0])
+    of_levels = [
+        _beyond_rings(
+            mixture,
+            rings.measured,
+            (OFF_NEAR[each], OFF_FAR[each], far_deg(plane_for(rings.measured.view, each))[1]),
+        )
+        for each in (level, asked)
+    ]
+    return _change(of_levels[0] + of_levels[1], rings)
 
 
-def after(
-    mixture: Mixture, measured: Measurement, hidden: Change, beyond_cd_m2: Reals, ceiling_cd_m2: float | None = None
-) -> Range:
+def _change(beyond: Reals, rings: Rings) -> Change:
+    change = (beyond * rings.further[:, None]).sum(axis=(0, 2))
+    return np.asarray(change + SWING * change.max(axis=0))
+
+
+def after(mixture: Mixture, rings: Rings, hidden: Change) -> Range:
     """What may stand in each tile whether glare has run or not; `hidden` is what it may change.
 
     A pixel is afterwards between its own light and that of the pixels around, each in its share: no brighter than the
     brightest pixel of its tile with the brightest of each ring around it.
     """
-    range_ = measured.range_cd_m2
-    if ceiling_cd_m2 is not None:
+    range_ = rings.measured.range_cd_m2
+    if rings.has_ceiling:
         return range_.widened(hidden)
-    beyond = _beyond_rings(mixture, measured, ALL)
-    of_luminance = beyond[:, 3] / np.array(LUMINANCE_WEIGHTS)[:, None, None]
+    beyond = _beyond_rings(mixture, rings.measured, ALL)
+    weights = np.array(LUMINANCE_WEIGHTS)[:, None, None]
+    of_luminance = beyond[:, 3] / weights
     own = np.stack([*(beyond[:, i, i] for i in range(3)), of_luminance.max(axis=1)], axis=1)
     across = beyond.copy()
     for i in range(3):
         across[:, i, i] = 0
-    across[:, 3] = (own[:, 3:] - of_luminance) * np.array(LUMINANCE_WEIGHTS)[:, None, None]
-    low, high = range_.low.copy(), range_.high.copy()
-    outside = np.append(beyond_cd_m2, np.dot(LUMINANCE_WEIGHTS, beyond_cd_m2))
-    ring_low, ring_high = _with_edges(range_.low, range_.high, outside, measured)
-    before_low, before_high, before = np.zeros_like(low), np.zeros_like(high), np.zeros_like(high[:3])
-    for k in range(len(beyond)):
-        ring_low, ring_high = _wider(ring_low, ring_high, outside, k)
-        less, more = np.maximum(range_.low - ring_low, 0), np.maximum(ring_high - range_.high, 0)
-        strayed = np.einsum("oiyx,iyx->oyx", across[k], ring_high[:3] - before)
-        low -= own[k] * (less - before_low) + strayed
-        high += own[k] * (more - before_high) + strayed
-        before_low, before_high, before = less, more, ring_high[:3]
+    across[:, 3] = (own[:, 3:] - of_luminance) * weights
+    strayed = (across * np.diff(rings.high[:, :3], axis=0, prepend=0)[:, None]).sum(axis=(0, 2))
+    less = (own * np.diff(np.maximum(range_.low - rings.low, 0), axis=0, prepend=0)).sum(axis=0)
+    more = (own * np.diff(np.maximum(rings.high - range_.high, 0), axis=0, prepend=0)).sum(axis=0)
     swing = SWING * hidden.max(axis=0)
-    return Range(np.maximum(low - swing, 0), high + swing, range_.tile_px)
+    return Range(
+        np.maximum(range_.low - less - strayed - swing, 0), range_.high + more + strayed + swing, range_.tile_px
+    )
 
 
 def propagate(change: Change, mixture: Mixture) -> Change:
     """The most that glare makes of a change before it: all of it, from wherever it is largest."""
     gain = np.sum([weight * part.kept("gain", functools.partial(_gain, part)) for part, weight in mixture], axis=0)
     return np.broadcast_to((gain @ change[:3].max(axis=(1, 2)))[:, None, None], change.shape)
-
-
-def _change(
-    mixture: Mixture, measured: Measurement, beyond_cd_m2: Reals, ceiling_cd_m2: float | None, off: Off
-) -> Change:
-    range_ = measured.range_cd_m2
-    low, high, outside = range_.low[:3], range_.high[:3], beyond_cd_m2
-    if ceiling_cd_m2 is not None:
-        low, high = np.zeros_like(low), np.where(range_.high[3] > ceiling_cd_m2, high, 0)
-        if np.dot(LUMINANCE_WEIGHTS, beyond_cd_m2) < ceiling_cd_m2:
-            outside = np.zeros(3)
-    ring_low, ring_high = _with_edges(low, high, outside, measured)
-    change, before = np.zeros_like(range_.low), np.zeros_like(low)
-    for k, of_ring in enumerate(_beyond_rings(mixture, measured, off)):
-        ring_low, ring_high = _wider(ring_low, ring_high, outside, k)
-        apart = np.maximum(ring_high - low, high - ring_low)
-        change += np.einsum("oiyx,iyx->oyx", of_ring, apart - before)
-        before = apart
-    return np.asarray(change + SWING * change.max(axis=0))
 
 
 def _beyond_rings(mixture: Mixture, measured: Measurement, off: Off) -> Reals:
@@ -136,35 +140,27 @@ def _beyond_rings(mixture: Mixture, measured: Measurement, off: Off) -> Reals:
     return np.asarray(of_parts[0] if len(of_parts) == 1 else np.sum(of_parts, axis=0))
 
 
-def _with_edges(low: Reals, high: Reals, outside: Reals, measured: Measurement) -> tuple[Reals, Reals]:
-    """Ranges of tiles, where those that the frame's edge cuts reach beyond it."""
-    low, high = low.copy(), high.copy()
-    for axis, size in ((1, measured.view.height_px), (2, measured.view.width_px)):
-        if size % measured.range_cd_m2.tile_px:
-            last = (slice(None), -1) if axis == 1 else (slice(None), slice(None), -1)
-            low[last] = np.minimum(low[last], outside[:, None])
-            high[last] = np.maximum(high[last], outside[:, None])
-    return low, high
+def _with_edges(both: Reals, outside: Reals, measured: Measurement) -> Reals:
+    """Least of tiles, where those that the frame's edge cuts reach beyond it."""
+    both = both.copy()
+    if measured.view.height_px % measured.range_cd_m2.tile_px:
+        both[:, -1] = np.minimum(both[:, -1], outside[:, None])
+    if measured.view.width_px % measured.range_cd_m2.tile_px:
+        both[:, :, -1] = np.minimum(both[:, :, -1], outside[:, None])
+    return both
 
 
-def _wider(low: Reals, high: Reals, outside: Reals, ring: int) -> tuple[Reals, Reals]:
-    """Ranges that reach as far as a ring, from those of the one within."""
-    reaches = [0, *_reaches(max(low.shape[1:]))]
-    tiles = reaches[ring + 1] - reaches[ring]
-    return _grown(low, outside, np.minimum, tiles), _grown(high, outside, np.maximum, tiles)
-
-
-def _grown(values: Reals, outside: Reals, fold: Callable[..., Reals], tiles: int) -> Reals:
-    """The fold of all that lies within so many tiles more, and of what is outside the frame."""
+def _grown(values: Reals, outside: Reals, tiles: int) -> Reals:
+    """The least of all that lies within so many tiles more, and of what is outside the frame."""
     count, rows, columns = values.shape
     edged = np.empty((count, rows + 2 * tiles, columns))
     edged[:] = outside[:, None, None]
     edged[:, tiles : tiles + rows] = values
-    values = fold(fold(edged[:, :rows], edged[:, tiles : tiles + rows]), edged[:, 2 * tiles :])
+    values = np.minimum(np.minimum(edged[:, :rows], edged[:, tiles : tiles + rows]), edged[:, 2 * tiles :])
     edged = np.empty((count, rows, columns + 2 * tiles))
     edged[:] = outside[:, None, None]
     edged[:, :, tiles : tiles + columns] = values
-    return fold(fold(edged[:, :, :columns], edged[:, :, tiles : tiles + columns]), edged[:, :, 2 * tiles :])
+    return np.minimum(np.minimum(edged[:, :, :columns], edged[:, :, tiles : tiles + columns]), edged[:, :, 2 * tiles :])
 
 
 def _rings(part: Part, measured: Measurement, off: Off) -> Reals:

@@ -73,7 +73,7 @@ def test_glare_changes_no_tile_by_more_than_is_said(case: str, level: GlareLevel
         frame = Frame.from_rgb(rgb, 26.0)
         kernel = mixture(model, OBSERVER, Pose(pupil_diameter_mm), adapted_cd_m2, frame.view.ppd_centre)
         measured, beyond, seen = actual(frame, kernel, level, is_dark=name == "random")
-        bound = bounds.skipped(kernel, measured, beyond)
+        bound = bounds.skipped(kernel, bounds.rings(measured, beyond))
         changed = by_tile(seen - np.asarray(frame.rgb_cd_m2[0], np.float64), measured)
         assert (changed <= bound + ROUNDING * measured.range_cd_m2.high.max()).all(), (
             name,
@@ -88,7 +88,7 @@ def test_a_reduced_level_differs_by_no_more_than_is_said(level: GlareLevel) -> N
         kernel = mixture(GlareModel.WAVE, OBSERVER, Pose(5.1), 1.0, frame.view.ppd_centre)
         measured, beyond, full = actual(frame, kernel, GlareLevel.HALF)
         *_, less = actual(frame, kernel, level)
-        bound = bounds.reduced(kernel, measured, level, GlareLevel.HALF, beyond)
+        bound = bounds.reduced(kernel, bounds.rings(measured, beyond), level, GlareLevel.HALF)
         assert (by_tile(full - less, measured) <= bound + 1e-6 * measured.range_cd_m2.high).all(), (
             name,
             (by_tile(full - less, measured) / (bound + 1e-30)).max(),
@@ -113,7 +113,7 @@ def test_on_random_frames(
     kernel = mixture(GlareModel.CIE, OBSERVER, Pose(5.0), 1.0, frame.view.ppd_centre)
     measured, beyond, seen = actual(frame, kernel, level, is_dark=is_dark)
     changed = by_tile(seen - np.asarray(frame.rgb_cd_m2[0], np.float64), measured)
-    bound = bounds.skipped(kernel, measured, beyond)
+    bound = bounds.skipped(kernel, bounds.rings(measured, beyond))
     assert (changed <= bound + ROUNDING * measured.range_cd_m2.high.max()).all(), (changed / (bound + 1e-30)).max()
 
 
@@ -121,13 +121,13 @@ def test_a_plain_wall_is_known_to_change_little_and_a_lamp_to_change_much_only_a
     wall = Frame.from_rgb(np.full((200, 180, 3), 100.0), 104.0)
     kernel = mixture(GlareModel.WAVE, OBSERVER, Pose(3.0), 100.0, wall.view.ppd_centre)
     (measured,) = measure(wall)
-    assert bounds.skipped(kernel, measured, measured.log_average_cd_m2).max() < 1e-3
-    middle = bounds.skipped(kernel, measured, DARKNESS)[3]
+    assert bounds.skipped(kernel, bounds.rings(measured, measured.log_average_cd_m2)).max() < 1e-3
+    middle = bounds.skipped(kernel, bounds.rings(measured, DARKNESS))[3]
     rows, columns = middle.shape
     # With darkness around it, a wall lacks what would come from beyond its edges.
     assert middle[rows // 4 : -rows // 4, columns // 4 : -columns // 4].max() < 5
     rgb = np.full((200, 180, 3), 0.1)
     rgb[100, 90] = 1e4
-    bound = bounds.skipped(kernel, measure(Frame.from_rgb(rgb, 104.0))[0], DARKNESS)[3]
+    bound = bounds.skipped(kernel, bounds.rings(measure(Frame.from_rgb(rgb, 104.0))[0], DARKNESS))[3]
     assert bound.max() > 100
     assert bound[:5].max() < bound.max() / 3
