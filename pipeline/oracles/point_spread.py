@@ -84,8 +84,7 @@ def sampled(
 
     def look_up(of: NDArray[np.floating], side_deg: float) -> Callable[[Reals, Reals], Reals]:
         side = of.shape[-1]
-        cells = np.ascontiguousarray(np.moveaxis(of, (0, 1), (2, 3)).reshape(side * side, -1))
-        cells /= np.radians(side_deg) ** 2
+        cells = np.moveaxis(of, (0, 1), (2, 3)).reshape(side * side, -1) / np.radians(side_deg) ** 2
 
         def at(deg: Reals, azimuth: Reals) -> Reals:
             y, x = (deg * turned / side_deg + side // 2 for turned in (np.sin(azimuth), np.cos(azimuth)))
