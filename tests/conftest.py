@@ -3,6 +3,7 @@ import functools
 import gc
 import os
 import sys
+import types
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
@@ -46,6 +47,12 @@ def _logs_end_with_their_test() -> Iterator[None]:
     structlog.reset_defaults()
 
 
+def _clear_caches(module: types.ModuleType) -> None:
+    for value in list(vars(module).values()):
+        if isinstance(value, functools._lru_cache_wrapper):
+            value.cache_clear()
+
+
 class _Memory:
     """What JAX compiled is kept on disk, and kernels are soon computed: in memory they would add up to gigabytes."""
 
@@ -63,9 +70,7 @@ class _Memory:
             return
         sys.modules["jax"].clear_caches()
         for name in [name for name in sys.modules if name.startswith("entoptic.")]:
-            for value in list(vars(sys.modules[name]).values()):
-                if isinstance(value, functools._lru_cache_wrapper):
-                    value.cache_clear()
+            _clear_caches(sys.modules[name])
         gc.collect()
         ctypes.CDLL(None).malloc_trim(0)  # glibc keeps what was freed
         self._kept_bytes = self._held_bytes()
@@ -79,15 +84,16 @@ _MEMORY = _Memory()
 
 
 @pytest.fixture(scope="module", autouse=True)
-def _modules_end_with_little_memory() -> Iterator[None]:
+def _modules_end_with_little_memory(request: pytest.FixtureRequest) -> Iterator[None]:
     yield
-    _MEMORY.give_back_beyond(800_000_000)
+    _clear_caches(request.module)
+    _MEMORY.give_back_beyond(1_300_000_000)
 
 
 @pytest.fixture(autouse=True)
 def _tests_end_with_no_more_than_others_need() -> Iterator[None]:
     yield
-    _MEMORY.give_back_beyond(1_400_000_000)
+    _MEMORY.give_back_beyond(1_700_000_000)
 
 
 @pytest.hookimpl(optionalhook=True)

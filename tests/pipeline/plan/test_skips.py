@@ -32,6 +32,7 @@ from entoptic.pipeline.display_light import black_share
 from entoptic.pipeline.effects.acuity import Acuity, AcuityMethod
 from entoptic.pipeline.effects.adaptation import Adaptation, Bleaching, Course
 from entoptic.pipeline.effects.afterimage import Afterimage
+from entoptic.pipeline.effects.glare.settings import Edge
 from entoptic.pipeline.effects.night_colour import NightColour, NightMethod
 from entoptic.pipeline.effects.rod_noise import RodNoise
 from entoptic.pipeline.effects.tone import Hue, Operator, Tone
@@ -153,11 +154,13 @@ def test_on_random_frames(
     holds(frame, EyePose(2.0, 1.0, 4.0), state=state, dt_s=dt_s, effects=effects, display=display)
 
 
-def test_in_a_bright_room_the_dark_is_left_out_and_glare_is_not_since_the_edges_lose_light() -> None:
-    planned = holds(scene("bright room", 360, 400).frame, EyePose(pupil_diameter_mm=3.0))
-    assert planned.plan["acuity"].level == planned.plan["night_colour"].level == SKIPPED
-    assert planned.plan["glare"].level != SKIPPED
-    assert planned.plan.bound_code_values < 8
+def test_in_a_bright_room_nothing_is_called_for_unless_its_edges_are_dark() -> None:
+    frame, eye = scene("bright room", 360, 400).frame, EyePose(pupil_diameter_mm=3.0)
+    planned = holds(frame, eye)
+    assert all(planned.plan[effect].level == SKIPPED for effect in ("glare", "acuity", "night_colour"))
+    assert planned.plan.bound_code_values < 5
+    in_the_dark = holds(frame, eye, effects=Effects(glare=Glare(edge=Edge.DARK)))
+    assert in_the_dark.plan["glare"].level != SKIPPED
 
 
 def test_what_is_switched_off_is_no_skip() -> None:
