@@ -8,17 +8,13 @@ from typing import NamedTuple
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Array, Float, Int
 from numpy.typing import NDArray
 
 from entoptic.pipeline.effects.glare.plane import Plane
 from entoptic.pipeline.effects.glare.spread import Apart
 from entoptic.pipeline.effects.glare.stamps import REACHES_PX, reach_px
 from entoptic.pipeline.measure import luminance
-
-STEPS = 12
-"""How often a choice is made stricter at most, each time by STRICTER. Engineering choice: up to a thousandfold."""
-STRICTER = 1.8
 
 
 class Choice(NamedTuple):
@@ -44,36 +40,32 @@ def standing_out(
     peaks = luminance(_maxima(light, pool))
     ratio = jnp.where(around > 0, peaks / jnp.where(around > 0, around, 1), 0)
     ratio = jnp.where(_within(plane), ratio, 0)
-    size = choice.most // 2 if pool > 1 else choice.most
-    cell = jnp.nonzero(ratio.ravel() > _threshold(ratio, choice, size), size=size, fill_value=ratio.size)[0]
+    cell = _most(ratio, choice.times, choice.most // 2 if pool > 1 else choice.most)
     row, column = cell // ratio.shape[1], cell % ratio.shape[1]
     # A cell that is none lies below the frame.
     offset = jnp.arange(pool)
-    y = jnp.broadcast_to((row[:, None] * pool + offset)[:, :, None], (size, pool, pool)).ravel()
-    x = jnp.broadcast_to((column[:, None] * pool + offset)[:, None, :], (size, pool, pool)).ravel()
+    both = len(cell), pool, pool
+    y = jnp.broadcast_to((row[:, None] * pool + offset)[:, :, None], both).ravel()
+    x = jnp.broadcast_to((column[:, None] * pool + offset)[:, None, :], both).ravel()
     colour = light.at[:, y, x].get(mode="fill", fill_value=0)
     level = around.at[jnp.repeat(row, pool * pool), jnp.repeat(column, pool * pool)].get(mode="fill", fill_value=0)
     own = luminance(colour[:, None])[0]
-    own_ratio = jnp.where(level > 0, own / jnp.where(level > 0, level, 1), 0)
-    chosen = jnp.nonzero(own_ratio > _threshold(own_ratio, choice, choice.most), size=choice.most, fill_value=own.size)[
-        0
-    ]
+    chosen = _most(jnp.where(level > 0, own / jnp.where(level > 0, level, 1), 0), choice.times, choice.most)
     y, x = (place.at[chosen].get(mode="fill", fill_value=0) for place in (y, x))
     more = colour.at[:, chosen].get(mode="fill", fill_value=0) - beyond[:, :, 0]
     return Apart(y, x, jnp.where(chosen < own.size, more, 0))
+
+
+def _most(ratio: Array, times: float, most: int) -> Int[Array, "n"]:
+    """Where ratios are largest, of those above a limit; in place of those that are not, one past the last."""
+    value, place = jax.lax.top_k(ratio.ravel(), min(most, ratio.size))
+    return jnp.where(value > times, place, ratio.size)
 
 
 def _within(plane: Plane) -> NDArray[np.bool_]:
     """Cells whose near light reaches no further than windows do."""
     rows, columns = (np.arange(size) * plane.pool + plane.pool / 2 for size in plane.tables.corner.shape)
     return np.asarray(reach_px(plane, rows[:, None], columns[None]) <= REACHES_PX[-1] - plane.pool * 4)
-
-
-def _threshold(ratio: Array, choice: Choice, most: int) -> Array:
-    """The least of the thresholds above which there are no more than so many."""
-    steps = np.float32(choice.times) * np.float32(STRICTER) ** np.arange(STEPS, dtype=np.float32)
-    counts = jnp.stack([(ratio > step).sum() for step in steps])
-    return jnp.where((counts <= most).any(), jnp.asarray(steps)[jnp.argmax(counts <= most)], jnp.inf)
 
 
 def _mean_around(cells: Float[Array, "row column"]) -> Float[Array, "row column"]:
