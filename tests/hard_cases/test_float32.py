@@ -14,6 +14,7 @@ from entoptic.pipeline import Display, EyePose, Frame, Glare, GlareLevel, GlareM
 from entoptic.pipeline.effects import acuity, adaptation, night_colour, tone
 from entoptic.pipeline.effects.encode import srgb_codes
 from entoptic.pipeline.effects.glare import mixture
+from entoptic.pipeline.effects.glare.settings import Edge
 from entoptic.pipeline.effects.night_colour import NightColour, NightMethod
 from entoptic.pipeline.effects.tone import Hue, Operator, Tone
 from entoptic.pipeline.measure import measure
@@ -45,15 +46,15 @@ def test_exposure_and_the_rods_share_are_float64_themselves(adapted: float) -> N
 
 
 @every_frame
-def test_glare_is_within_3_percent_of_the_direct_sum_at_half_the_pixels(name: str) -> None:
+def test_glare_is_within_1_5_percent_of_the_direct_sum_at_half_the_pixels(name: str) -> None:
     """The direct sum has no levels: what is left is what pooling and B-splines cost, most in frames of noise."""
     rgb, exact = of_name(name)
     kernel = mixture(GlareModel.CIE, SMALL, Pose(4.0), 0.01, VIEW.ppd_centre)
     image = glared(rgb, VIEW, kernel, GlareLevel.HALF)
     truth = sphere.glare(exact, VIEW, alike(cie135(SMALL.age_years, 0.5)))
     off = np.abs(image - truth) / (truth + 0.1 * float(np.median(truth)))
-    assert np.median(off) < 0.03
-    assert np.percentile(off, 90) < 0.15
+    assert np.median(off) < 0.015
+    assert np.percentile(off, 90) < 0.06
 
 
 @every_frame
@@ -130,7 +131,7 @@ def test_encoding_is_off_by_one_code_value_in_fewer_than_1_of_10000(black: float
 
 
 @pytest.mark.parametrize("name", ["night", "starlight"])
-def test_a_whole_frame_is_within_a_code_value_at_half_the_pixels(name: str) -> None:
+def test_a_whole_frame_is_within_two_code_values_at_nine_of_ten_pixels(name: str) -> None:
     """From pixels to code values, all effects: the direct sum for glare, the plain ones for all else.
 
     In frames of noise over decades, glare's levels are off where a dark pixel stands beside a bright one.
@@ -138,8 +139,8 @@ def test_a_whole_frame_is_within_a_code_value_at_half_the_pixels(name: str) -> N
     rgb, exact = of_name(name)
     function = alike(cie135(SMALL.age_years, 0.5))
     codes, _ = plain_whole.perceived(exact, VIEW, lambda light: sphere.glare(light, VIEW, function))
-    glare = Glare(GlareModel.CIE, GlareLevel.HALF)
+    glare = Glare(GlareModel.CIE, GlareLevel.HALF, Edge.DARK)
     image = see(rgb.transpose(1, 2, 0), EyePose(pupil_diameter_mm=4.0), glare=glare).image[0]
     apart = np.abs(image.astype(int) - codes.astype(int))
-    assert np.median(apart) <= 1
-    assert np.percentile(apart, 90) <= 8
+    assert np.median(apart) == 0
+    assert np.percentile(apart, 90) <= 2

@@ -213,7 +213,7 @@ class GlareEffect(Effect[Glare, None]):
         return msgspec.structs.replace(settings, level=GlareLevel.FULL)
 
     def accuracy(self, settings: Glare) -> float:
-        return 0.05 if settings.model is not GlareModel.SPE else 0.2
+        return 0.02 if settings.model is not GlareModel.SPE else 0.2
 
     def variants(self) -> Mapping[str, Glare]:
         levels = {level.value: Glare(level=level) for level in (Glare().level, *GlareLevel)}
