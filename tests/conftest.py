@@ -56,7 +56,7 @@ def _clear_caches(module: types.ModuleType) -> None:
 class _Memory:
     """What JAX compiled is kept on disk, and kernels are soon computed: in memory they would add up to gigabytes."""
 
-    WORTHWHILE_BYTES = 300_000_000
+    WORTHWHILE_BYTES = 700_000_000
     """That have been added since memory was given back; less is not worth compiling anew."""
 
     def __init__(self) -> None:

@@ -300,7 +300,8 @@ def test_only_its_own_page_may_connect_and_only_one(server: PageServer) -> None:
     assert "own page" in refused("http://elsewhere.example")
     assert "own page" in refused(None)
     with connect(url, origin=own) as page:
-        assert json.loads(page.recv(timeout=GIVE_UP_S)) == {"message": READY_WORDS, "again": True}
+        told = (json.loads(page.recv(timeout=GIVE_UP_S)) for _ in range(9))
+        assert next(one for one in told if "ask" not in one) == {"message": READY_WORDS, "again": True}
         assert "Another page" in refused(own)
         page.send("no JSON")
         page.send("{}")
