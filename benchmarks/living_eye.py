@@ -12,10 +12,9 @@ from benchmarks.table import interleaved, show
 from entoptic.pipeline import EyePose, Observer, OcularDynamics, RenderState, View, perceive
 from entoptic.pipeline.effects.glare import models
 from entoptic.pipeline.frame import LUMINANCE_WEIGHTS
-from entoptic.pipeline.optics import light_spectra, ocular_dynamics, whole
+from entoptic.pipeline.optics import light_spectra, moving_kernel, ocular_dynamics, whole
 from entoptic.pipeline.optics.aperture import Pose
 from entoptic.pipeline.optics.monochromatic import monochromatic
-from entoptic.pipeline.optics.moving_kernel import moving_kernel
 from entoptic.pipeline.optics.ocular_dynamics import SaccadeImpulse
 from entoptic.pipeline.scenes import Head, open_scene
 from entoptic.services.process import prepare_jax
@@ -36,13 +35,14 @@ def main(rounds: int = 15) -> None:
     """Prints what a kernel and a frame take, and how far each part's motion is from a kernel made for the pose."""
     prepare_jax()
     observer, pose = Observer(), _poses()["all"]
-    steps = models.pupil_steps(PUPIL_MM)
     nm, weights = light_spectra.primary_weights(light_spectra.wavelengths_for(VIEW.ppd_centre))
     kernels: dict[str, Callable[[], object]] = {
         "made for the pose": lambda: whole.wave_kernel(
             monochromatic(observer, pose), nm, weights, VIEW.ppd_centre, observer.age_years, 0.5
         ),
-        "in motion": lambda: moving_kernel(observer, pose, steps)(nm, weights, VIEW.ppd_centre),
+        "what its motion changes": lambda: moving_kernel.change_kernel(
+            observer, pose, _at_rest(observer, pose, VIEW.ppd_centre), 3 * VIEW.ppd_centre
+        )(nm, weights, VIEW.ppd_centre),
     }
     show(f"A kernel, {VIEW.ppd_centre:.1f} pixels per degree", interleaved(kernels, rounds), "made for the pose")
     frames = {name: _frames(Observer(ocular_dynamics=living)) for name, living in LIVING.items()}
@@ -89,6 +89,22 @@ def _frames(observer: Observer) -> Callable[[], object]:
     return perceive_next
 
 
+def _at_rest(observer: Observer, pose: Pose, pixels_per_deg: float) -> list[moving_kernel.Rest]:
+    return moving_kernel.rests(observer, pose, models.pupil_steps(PUPIL_MM), pixels_per_deg)
+
+
+def _in_motion(
+    observer: Observer, pose: Pose, nm: np.ndarray, weights: np.ndarray, pixels_per_deg: float
+) -> np.ndarray:
+    at_rest = _at_rest(observer, pose, pixels_per_deg)
+    kernels = [
+        moving_kernel.resting_kernel(observer, rest.pupil_diameter_mm, rest.focus_d)(nm, weights, pixels_per_deg)[0]
+        for rest in at_rest
+    ]
+    change, _ = moving_kernel.change_kernel(observer, pose, at_rest, 3 * pixels_per_deg)(nm, weights, pixels_per_deg)
+    return np.asarray(moving_kernel.mean_of(kernels, at_rest) + change)
+
+
 def _errors(observer: Observer, pixels_per_deg: float) -> None:
     """Sum of the differences in a ring over its light, of white light; and how much the motion itself changes."""
     nm, weights = light_spectra.light_weights("D65", light_spectra.wavelengths_for(pixels_per_deg))
@@ -105,7 +121,7 @@ def _errors(observer: Observer, pixels_per_deg: float) -> None:
     print("| | " + " | ".join(f"{low}–{high}°" for low, high in RINGS_DEG) + " |\n|---|---:|---:|---:|")
     for name, pose in _poses().items():
         truth = made(pose)
-        found, _ = moving_kernel(observer, pose, models.pupil_steps(PUPIL_MM))(nm, luminance, pixels_per_deg)
+        found = _in_motion(observer, pose, nm, luminance, pixels_per_deg)
         cells = [
             f"{np.abs(found - truth)[ring].sum() / truth[ring].sum():.2%} / "
             f"{np.abs(rest - truth)[ring].sum() / truth[ring].sum():.2%}"

@@ -1,10 +1,10 @@
-"""The kernel of an eye in motion: what changes against the eye at rest, on a coarser pupil plane.
+"""The kernel of an eye in motion: those of the eye at rest, which serve again, and one of what the motion changes.
 
-A kernel takes hundreds of milliseconds, and one of an eye in motion serves for one cells. But what moves is coarse:
-particles of tens of µm, lids, focus. So each cells has only the change of the light within 1.9° worked out, on samples
-twice as wide, transformed no wider than the pupil needs, and puts it on top of kernels of the eye at rest, which serve
-again. What the fine samples are there for is taken from those as it is: the light further out, and the halo, which is
-weighted by the fibres that the lids leave. Fibres lie along a radius, so their light goes to the right and left of it.
+A kernel takes hundreds of milliseconds, and one of an eye in motion serves for one frame. But what moves is coarse:
+particles of tens of µm, lids, focus. So each frame has only the change of the light within 1.9° worked out, on samples
+twice as wide, transformed no wider than the pupil needs. What the fine samples are there for stays that of the eye at
+rest: the light further out, and the halo, which is weighted by the fibres that the lids leave. Fibres lie along a
+radius, so their light goes to the right and left of it.
 
 What this misses is in docs/optics.md, part by part.
 """
@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import functools
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import Any, NamedTuple, Protocol
 
 import msgspec
@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 from entoptic.pipeline.observer import Observer
 from entoptic.pipeline.optics import analytic, aperture, lens, spectrum, whole
 from entoptic.pipeline.optics.aperture import PLANE_M, Pose
-from entoptic.pipeline.optics.diffraction import power
+from entoptic.pipeline.optics.diffraction import bin_deg, power
 from entoptic.pipeline.optics.monochromatic import monochromatic
 from entoptic.pipeline.optics.whole import Cells, Straylight
 
@@ -40,24 +40,33 @@ ROOM = 1.12
 of that of any wider one; without room it is 2–4 % off, as samples fall onto Airy's dark rings."""
 LID_SAMPLES, SECTORS = 256, 72
 """Of the plane on which the fibres are counted that the lids leave, and in how many directions."""
+SAME = 1e-6
+"""Lids that change the fibres' light by less leave it as it is: rounding."""
 BLUR_PX = 0.5
 """A resting eye's defocus is one of those whose blur discs differ by so many pixels. Engineering choice: the nearest is
 within a quarter of a pixel."""
 
 
-class _Rest(NamedTuple):
-    """What an eye in motion takes over from one at rest with a certain pupil and focus."""
+class Rest(NamedTuple):
+    """An eye at rest that one in motion starts from."""
 
-    beyond: NDArray[np.float64]
-    """Its core without the fibres, less what the coarse plane has of that."""
-    coarse_share: float
-    """Of the light of that core, what the coarse plane has."""
+    pupil_diameter_mm: float
+    focus_d: float
+    weight: float
+    """All weights add up to 1."""
+
+
+class _Resting(NamedTuple):
+    """What of its kernel is wave optics'."""
+
+    bare: NDArray[np.float64]
+    """Without the fibres."""
     halo: NDArray[np.float64]
-    """What the fibres add to what they leave of that core."""
+    """What the fibres add to what they leave of that."""
     halo_share: float
-    """Their share of the core's light."""
-    fibres: Float[np.ndarray, " sector"]
-    """How much of what is shown lies where fibres do, by the direction of their light."""
+    """Their share of the light."""
+    coarse_share: float
+    """Of the light without fibres, what the coarse plane has."""
 
 
 class Kernel(Protocol):
@@ -76,13 +85,21 @@ class Kernel(Protocol):
         ...
 
 
-def moving_kernel(observer: Observer, pose: Pose, steps: Sequence[tuple[float, float]]) -> Kernel:
-    """The kernels that whole.wave_kernel would give for this pose, as nearly as the docs say.
-
-    `steps` are the diameters in mm of the pupils at rest that it starts from, with weights that add up to 1.
+def rests(observer: Observer, pose: Pose, steps: Sequence[tuple[float, float]], pixels_per_deg: float) -> list[Rest]:
+    """The eyes at rest nearest to a pose, for a view of so many pixels per degree: with pupils of these diameters in mm
+    and weights, and at one of few focuses for each pupil, so that they serve again.
     """
-    coarse_psf, shown = _coarse_psf(observer, pose), _fibres(observer, pose)
-    eye = Straylight(observer.age_years, analytic.PIGMENTATION[observer.iris], observer.scatter)
+    result = []
+    for mm, weight in steps:
+        step_d = BLUR_PX * math.radians(1 / pixels_per_deg) / (mm * 1e-3)
+        away = step_d * round((pose.defocus_d - observer.defocus_d) / step_d)
+        result.append(Rest(mm, observer.defocus_d + away, weight))
+    return result
+
+
+def resting_kernel(observer: Observer, pupil_diameter_mm: float, focus_d: float) -> Kernel:
+    """Of an eye at rest, as `change_kernel` knows it."""
+    eye = _straylight_of(observer)
 
     def kernel(
         nm: NDArray[np.float64],
@@ -93,46 +110,142 @@ def moving_kernel(observer: Observer, pose: Pose, steps: Sequence[tuple[float, f
         wider: float = 1.0,
     ) -> tuple[NDArray[np.float64], float]:
         cells = Cells(tuple(nm.tolist()), weights.tobytes(), weights.shape, pixels_per_deg, radius_px, wider)
-        rests = [
-            (_rest(observer, mm, _nearest_focus_d(observer, pose.defocus_d, mm, pixels_per_deg), cells, eye), weight)
-            for mm, weight in steps
-        ]
-
-        def mean(of: Callable[[_Rest], Any]) -> Any:
-            return functools.reduce(np.add, [weight * of(rest) for rest, weight in rests])
-
-        core, halo_share = mean(lambda rest: rest.beyond), float(mean(lambda rest: rest.halo_share))
-        _add_inside(core, float(mean(lambda rest: rest.coarse_share)) * _coarse(coarse_psf, cells, eye))
-        if halo_share:
-            at_rest = mean(lambda rest: rest.fibres)
-            gain = np.divide(shown, at_rest, out=np.zeros(SECTORS), where=at_rest > 0)
-            core *= 1 - halo_share * float(shown.sum() / at_rest.sum())
-            core += mean(lambda rest: rest.halo) * _around(gain, core.shape[-1])
-        return whole.joined(core, FINE, cells, eye)
+        known = _resting(observer, pupil_diameter_mm, focus_d, cells)
+        return whole.joined((1 - known.halo_share) * known.bare + known.halo, FINE, cells, eye)
 
     return kernel
 
 
-def _nearest_focus_d(observer: Observer, defocus_d: float, pupil_diameter_mm: float, pixels_per_deg: float) -> float:
-    """One of few for each pupil, so that it serves again."""
-    step_d = BLUR_PX * math.radians(1 / pixels_per_deg) / (pupil_diameter_mm * 1e-3)
-    return observer.defocus_d + step_d * round((defocus_d - observer.defocus_d) / step_d)
+def change_kernel(observer: Observer, pose: Pose, rests: Sequence[Rest], pixels_per_deg: float) -> Kernel:
+    """What a pose adds to the weighted kernels of eyes at rest, as nearly as the docs say; the veil has no part in it.
+
+    For cells up to `pixels_per_deg` the light is worked out once, over cells so fine.
+    """
+    psf, shown = _coarse_psf(observer, pose), _fibres(observer, pose)
+    at_rest = mean_of([_fibres_at_rest(observer, rest.pupil_diameter_mm) for rest in rests], rests)
+    gain = np.divide(shown, at_rest, out=np.ones(SECTORS), where=at_rest > 0)
+    shown_share = float(shown.sum() / at_rest.sum()) if at_rest.any() else 1.0
+    made: dict[Cells, Coarse] = {}
+
+    def kernel(
+        nm: NDArray[np.float64],
+        weights: NDArray[np.float64],
+        pixels_per_deg_: float,
+        *,
+        radius_px: int | None = None,
+        wider: float = 1.0,
+    ) -> tuple[NDArray[np.float64], float]:
+        cells = Cells(tuple(nm.tolist()), weights.tobytes(), weights.shape, pixels_per_deg_, radius_px, wider)
+        light = cells._replace(pixels_per_deg=pixels_per_deg, radius_px=None, wider=1.0)
+        if light not in made:
+            made[light] = Coarse(psf, light, observer)
+        known = [_resting(observer, rest.pupil_diameter_mm, rest.focus_d, cells) for rest in rests]
+        halo_share = float(mean_of([each.halo_share for each in known], rests))
+        left = 1 - halo_share * shown_share
+        before = [
+            each.coarse_share * _coarse_at_rest(observer, Pose(rest.pupil_diameter_mm, rest.focus_d), light).over(cells)
+            for each, rest in zip(known, rests, strict=True)
+        ]
+        coarse_share = float(mean_of([each.coarse_share for each in known], rests))
+        result = np.zeros((*weights.shape[1:], *[2 * cells.reach_px + 1] * 2))
+        add_inside(result, left * (coarse_share * made[light].over(cells) - mean_of(before, rests)))
+        if halo_share and np.abs(gain - 1).max() > SAME:
+            bare, halo = (mean_of([each[k] for each in known], rests) for k in range(2))
+            add_inside(result, halo_share * (1 - shown_share) * bare + halo * (_around(gain, halo.shape[-1]) - 1))
+        return result, 0.0
+
+    return kernel
 
 
-@functools.lru_cache(maxsize=64)
-def _rest(observer: Observer, pupil_diameter_mm: float, focus_d: float, cells: Cells, eye: Straylight) -> _Rest:
-    pose, bare = Pose(pupil_diameter_mm, focus_d), _bare(observer)
+def mean_of(values: Sequence[Any], rests: Sequence[Rest]) -> Any:
+    """Weighted as the eyes at rest are."""
+    return functools.reduce(np.add, [rest.weight * value for value, rest in zip(values, rests, strict=True)])
+
+
+class Coarse:
+    """Light on the coarse plane, without fibres, over cells of any size."""
+
+    def __init__(self, psf: Float[np.ndarray, "n n"], finest: Cells, observer: Observer) -> None:
+        self._light = spectrum.tapered(psf, whole.FIELD_TAPER)
+        self._scale = COARSE / len(psf)
+        self._nm = np.array(finest.nm)
+        self._weights = whole.core_weights(FINE, finest, _straylight_of(observer))
+        self._finest_per_deg = finest.pixels_per_deg
+        self._made: dict[tuple[float, int], NDArray[np.float64]] = {}
+
+    def over(self, cells: Cells) -> NDArray[np.float64]:
+        """Its light in cells."""
+        reach = spectrum.kernel_radius_px(COARSE, cells.pixels_per_deg)
+        asked = cells.pixels_per_deg, min(reach, cells.reach_px)
+        if asked not in self._made:
+            finer = cells.pixels_per_deg > self._finest_per_deg * (1 + 1e-6)
+            self._made[asked] = self._summed(*asked) if finer else self._in_larger(*asked)
+        return self._made[asked]
+
+    @functools.cached_property
+    def _finest(self) -> NDArray[np.float64]:
+        return self._summed(self._finest_per_deg, spectrum.kernel_radius_px(COARSE, self._finest_per_deg))
+
+    def _summed(self, per_deg: float, radius: int) -> NDArray[np.float64]:
+        """From the samples that the cells cover at any wavelength."""
+        sample_deg = bin_deg(float(self._nm.min())) * self._scale
+        middle = len(self._light) // 2
+        half = min(math.ceil((radius + 0.5) / per_deg / sample_deg) + 1, middle)
+        inner = np.ascontiguousarray(self._light[middle - half : middle + half, middle - half : middle + half])
+        return spectrum.scaled_kernel(inner, self._nm, self._weights, per_deg * self._scale, radius_px=radius)
+
+    def _in_larger(self, per_deg: float, radius: int) -> NDArray[np.float64]:
+        """From the finest cells, as if each were lit evenly."""
+        finest = self._finest
+        share = _overlaps(per_deg, radius, self._finest_per_deg, finest.shape[-1] // 2)
+        return np.asarray(share @ finest @ share.T)
+
+
+@functools.lru_cache(maxsize=32)
+def _overlaps(per_deg: float, radius: int, finest_per_deg: float, finest_radius: int) -> Float[np.ndarray, "k j"]:
+    """Which share of each of the finest cells lies in each larger one."""
+    edge, fine_edge = (
+        (np.arange(2 * reach + 2) - reach - 0.5) / each
+        for reach, each in ((radius, per_deg), (finest_radius, finest_per_deg))
+    )
+    last, first = np.minimum(edge[1:, None], fine_edge[1:]), np.maximum(edge[:-1, None], fine_edge[:-1])
+    return np.asarray(np.maximum(last - first, 0) * finest_per_deg)
+
+
+@functools.lru_cache(maxsize=128)
+def _resting(observer: Observer, pupil_diameter_mm: float, focus_d: float, cells: Cells) -> _Resting:
+    pose, bare, eye = Pose(pupil_diameter_mm, focus_d), _bare(observer), _straylight_of(observer)
+    halo_share, coarse_share = _passes(observer, pupil_diameter_mm)
+    size = 2 * _size(pose) if cells.pixels_per_deg <= WIDE_PER_DEG else FINE
+    without = whole.core_kernel(_fine_psf(bare, pose, size), cells, eye, FINE)
+    halo = np.zeros_like(without)
+    if halo_share:
+        halo = whole.core_kernel(_fine_psf(observer, pose, size), cells, eye, FINE) - (1 - halo_share) * without
+    return _Resting(without, halo, halo_share, coarse_share)
+
+
+@functools.lru_cache(maxsize=32)
+def _passes(observer: Observer, pupil_diameter_mm: float) -> tuple[float, float]:
+    """The fibres' share of all light, and what of the light without them the coarse plane has."""
+    pose, bare = Pose(pupil_diameter_mm), _bare(observer)
     # By the light that passes: fibres take none, and add to it what they scatter.
     passed = power(aperture.pupil_box(bare, pose, FINE))
-    halo_share = 1 - passed / power(aperture.pupil_box(observer, pose, FINE))
     coarse_share = power(aperture.pupil_box(bare, pose, COARSE)) * (FINE / COARSE) ** 2 / passed
-    size = 2 * _size(pose) if cells.pixels_per_deg <= WIDE_PER_DEG else FINE
-    beyond = whole.core_kernel(_fine_psf(bare, pose, size), cells, eye, FINE)
-    halo = np.zeros(())
-    if halo_share:
-        halo = whole.core_kernel(_fine_psf(observer, pose, size), cells, eye, FINE) - (1 - halo_share) * beyond
-    _add_inside(beyond, -coarse_share * _coarse(_coarse_psf(observer, pose), cells, eye))
-    return _Rest(beyond, coarse_share, halo, halo_share, _fibres(observer, pose))
+    return 1 - passed / power(aperture.pupil_box(observer, pose, FINE)), coarse_share
+
+
+@functools.lru_cache(maxsize=32)
+def _coarse_at_rest(observer: Observer, pose: Pose, finest: Cells) -> Coarse:
+    return Coarse(_coarse_psf(observer, pose), finest, observer)
+
+
+@functools.lru_cache(maxsize=32)
+def _fibres_at_rest(observer: Observer, pupil_diameter_mm: float) -> Float[np.ndarray, " sector"]:
+    return _fibres(observer, Pose(pupil_diameter_mm))
+
+
+def _straylight_of(observer: Observer) -> Straylight:
+    return Straylight(observer.age_years, analytic.PIGMENTATION[observer.iris], observer.scatter)
 
 
 def _bare(observer: Observer) -> Observer:
@@ -157,14 +270,7 @@ def _size(pose: Pose) -> int:
     return next((size for size in SIZES if size >= wide), COARSE)
 
 
-def _coarse(psf: Float[np.ndarray, "n n"], cells: Cells, eye: Straylight) -> NDArray[np.float64]:
-    radius_px = min(spectrum.kernel_radius_px(COARSE, cells.pixels_per_deg), cells.reach_px)
-    scale = cells.pixels_per_deg * COARSE / len(psf)
-    of_core = whole.core_weights(FINE, cells, eye)
-    return spectrum.scaled_kernel(psf, np.array(cells.nm), of_core, scale, taper=whole.FIELD_TAPER, radius_px=radius_px)
-
-
-def _add_inside(kernel: NDArray[np.float64], inner: NDArray[np.float64]) -> None:
+def add_inside(kernel: NDArray[np.float64], inner: NDArray[np.float64]) -> None:
     """Adds a smaller kernel to a larger one in place."""
     margin = (kernel.shape[-1] - inner.shape[-1]) // 2
     part = slice(margin, kernel.shape[-1] - margin)

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import dataclasses
 import functools
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
@@ -12,13 +13,13 @@ from numpy.typing import NDArray
 from scipy.ndimage import map_coordinates, uniform_filter
 
 from entoptic.described import DescribedEnum
-from entoptic.pipeline.effects.glare.kernel import Formula, Mixture, Part, Veil
+from entoptic.pipeline.effects.glare.kernel import FINE_PER_PX, Formula, Mixture, Part, Veil
 from entoptic.pipeline.observer import Observer
-from entoptic.pipeline.optics import analytic, flare_lines, light_spectra, radial, whole
+from entoptic.pipeline.optics import analytic, flare_lines, light_spectra, moving_kernel, radial, whole
 from entoptic.pipeline.optics.aperture import Pose, legal_pupil_diameter_mm
 from entoptic.pipeline.optics.flare_lines import Flare
 from entoptic.pipeline.optics.monochromatic import monochromatic as monochromatic
-from entoptic.pipeline.optics.moving_kernel import Kernel, moving_kernel
+from entoptic.pipeline.optics.moving_kernel import Kernel, Rest
 
 GRID = 2048
 """Samples along the pupil plane: the least power of two that resolves the lens fibres."""
@@ -67,11 +68,8 @@ def mixture(model: GlareModel, observer: Observer, pose: Pose, adapted_cd_m2: fl
 
 def wave_mixture(observer: Observer, pose: Pose, pixels_per_deg: float, spectrum: str | None = None) -> Mixture:
     """The function by wave optics, of light with this spectrum, (3, 1), or of the frame's primaries, (3, 3)."""
-    if pose.lens_m is not None:
-        # A deformed lens is never the same again.
-        return ((_moving(observer, pose, pixels_per_deg, spectrum), 1.0),)
     if not rests(observer, pose):
-        return ((_posed(observer, pose, pixels_per_deg, spectrum), 1.0),)
+        return _moving(observer, pose, pixels_per_deg, spectrum)
     return tuple(
         (_resting(observer, mm, pixels_per_deg, spectrum), weight) for mm, weight in pupil_steps(pose.pupil_diameter_mm)
     )
@@ -97,18 +95,37 @@ def cie_veil(observer: Observer) -> Veil:
     return Veil(analytic.cie135, (observer.age_years, analytic.PIGMENTATION[observer.iris]))
 
 
-@functools.lru_cache(maxsize=4)
-def _posed(observer: Observer, pose: Pose, pixels_per_deg: float, spectrum: str | None) -> Part:
-    """Of an eye that holds still, but not at rest: squinting. It has the pupil's own diameter, since those at other
-    diameters would never serve again."""
-    return _moving(observer, pose, pixels_per_deg, spectrum)
-
-
-def _moving(observer: Observer, pose: Pose, pixels_per_deg: float, spectrum: str | None) -> Part:
-    """Of an eye in motion, made for it alone."""
-    return _wave_part(
-        moving_kernel(observer, pose, pupil_steps(pose.pupil_diameter_mm)), observer, pixels_per_deg, spectrum
+def _moving(observer: Observer, pose: Pose, pixels_per_deg: float, spectrum: str | None) -> Mixture:
+    """Of an eye that is not at rest: those at rest nearest to it, and what it adds to them."""
+    at_rest = moving_kernel.rests(observer, pose, pupil_steps(pose.pupil_diameter_mm), pixels_per_deg)
+    # A deformed lens is never the same again; an eye that squints holds still.
+    change = _change if pose.lens_m is not None else _posed
+    return (
+        *(
+            (_near(observer, rest.pupil_diameter_mm, rest.focus_d, pixels_per_deg, spectrum), rest.weight)
+            for rest in at_rest
+        ),
+        (change(observer, pose, tuple(at_rest), pixels_per_deg, spectrum), 1.0),
     )
+
+
+def _change(
+    observer: Observer, pose: Pose, at_rest: Sequence[Rest], pixels_per_deg: float, spectrum: str | None
+) -> Part:
+    kernel = moving_kernel.change_kernel(observer, pose, at_rest, FINE_PER_PX * pixels_per_deg)
+    return dataclasses.replace(_wave_part(kernel, observer, pixels_per_deg, spectrum), veil=None)
+
+
+_posed = functools.lru_cache(maxsize=4)(_change)
+
+
+@functools.lru_cache(maxsize=64)
+def _near(
+    observer: Observer, pupil_diameter_mm: float, focus_d: float, pixels_per_deg: float, spectrum: str | None
+) -> Part:
+    """Of an eye at rest that others move away from."""
+    kernel = moving_kernel.resting_kernel(observer, pupil_diameter_mm, focus_d)
+    return _wave_part(kernel, observer, pixels_per_deg, spectrum)
 
 
 @functools.lru_cache(maxsize=64)
