@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import functools
 import math
 from collections.abc import Callable, Sequence
@@ -14,6 +13,7 @@ from scipy.ndimage import map_coordinates, uniform_filter
 
 from entoptic.described import DescribedEnum
 from entoptic.pipeline.effects.glare.kernel import FINE_PER_PX, Formula, Mixture, Part, Veil
+from entoptic.pipeline.effects.glare.passing import Passing
 from entoptic.pipeline.observer import Observer
 from entoptic.pipeline.optics import analytic, flare_lines, light_spectra, moving_kernel, radial, whole
 from entoptic.pipeline.optics.aperture import Pose, legal_pupil_diameter_mm
@@ -113,7 +113,8 @@ def _change(
     observer: Observer, pose: Pose, at_rest: Sequence[Rest], pixels_per_deg: float, spectrum: str | None
 ) -> Part:
     kernel = moving_kernel.change_kernel(observer, pose, at_rest, FINE_PER_PX * pixels_per_deg)
-    return dataclasses.replace(_wave_part(kernel, observer, pixels_per_deg, spectrum), veil=None)
+    part = _wave_part(kernel, observer, pixels_per_deg, spectrum)
+    return Passing(part.cells, None, part.colour, moving_kernel.REACH_DEG)
 
 
 _posed = functools.lru_cache(maxsize=4)(_change)

@@ -26,6 +26,7 @@ from entoptic.pipeline.effects.glare.kernel import (
     Sampled,
     far_deg,
 )
+from entoptic.pipeline.effects.glare.passing import Passing
 from entoptic.pipeline.effects.glare.plane import Plane
 from entoptic.pipeline.effects.glare.spread import Apart, blended, through
 from entoptic.pipeline.frame import View
@@ -136,6 +137,8 @@ def _blended_windows(banks: Sequence[Window], weights: Float[Array, "part"]) -> 
 
 
 def _bank_of(tiles: NDArray[np.intp], reach: int, plane: Plane, part: Part, prepared: Prepared) -> Window:
+    if isinstance(part, Passing):
+        return _passing_bank(tiles, reach, plane, prepared)
     kept = part.kept(("windows", plane), dict)
     missing = [tile for tile in map(tuple, tiles.tolist()) if tile not in kept]
     if len(kept) + len(missing) > KEPT:
@@ -156,6 +159,48 @@ def _bank_of(tiles: NDArray[np.intp], reach: int, plane: Plane, part: Part, prep
         kept["last"] = last
     bank: Window = last[1]
     return bank
+
+
+def _passing_bank(tiles: NDArray[np.intp], reach: int, plane: Plane, prepared: Prepared) -> Window:
+    side = tile_px(plane.view)
+    middle = np.asarray(_padded(tiles, 8), np.int64) * side + side // 2
+    averaged = _averaged(prepared.sampled.fine)
+    return _passing_windows(averaged, pixel_deg_of(plane), middle, middle + 0.5, plane.view, reach)
+
+
+def _elsewhere(reach: int) -> NDArray[np.float32]:
+    away = np.arange(-reach, reach + 1)
+    return np.asarray((away[:, None] != 0) | (away != 0), np.float32)
+
+
+@jax.jit
+def _averaged(fine: Float[Array, "o i k k"]) -> Float[Array, "o i k k"]:
+    """Over one pixel; compiled apart, or XLA works it out anew for each look-up."""
+    margin, size = FINE_PER_PX // 2, fine.shape[-1]
+    wide = jnp.pad(fine, ((0, 0), (0, 0), (margin, margin), (margin, margin)))
+    down = functools.reduce(jnp.add, [wide[:, :, k : k + size] for k in range(FINE_PER_PX)])
+    both = functools.reduce(jnp.add, [down[:, :, :, k : k + size] for k in range(FINE_PER_PX)])
+    return both / np.float32(FINE_PER_PX**2)
+
+
+@functools.partial(jax.jit, static_argnames=("view", "reach"))
+def _passing_windows(
+    averaged: Float[Array, "o i k k"],
+    pixel_deg: float,
+    pixel: Int[Array, "n 2"],
+    place: Float[Array, "n 2"],
+    view: View,
+    reach: int,
+) -> Window:
+    """As `windows` has them, looked up once a pixel, in samples averaged over one."""
+
+    def one(pixel: Array, place: Array) -> tuple[Array, Array]:
+        density, steradians = _seen(averaged, pixel_deg / FINE_PER_PX, pixel, place, view, reach, 1)
+        # Where it is not in its own pixel: to set that to 0, XLA would copy it all.
+        density = density * _elsewhere(reach)
+        return density, (density * steradians).sum(axis=(2, 3))
+
+    return Window(*jax.vmap(one)(pixel, place))
 
 
 @jax.jit
@@ -201,7 +246,8 @@ def _seen(
     """Density in the pixels around one, of light at a place in it, on average over so many parts along each side; and
     their solid angles.
     """
-    flat = samples.reshape(*samples.shape[:2], -1)
+    # All channels of a sample side by side: one look-up fetches them.
+    flat = samples.reshape(samples.shape[0] * samples.shape[1], -1).T
     side, middle = samples.shape[-1], samples.shape[-1] // 2
     offset = jnp.arange(-reach, reach + 1, dtype=jnp.float32)
     from_y, from_x, from_c, _ = _on_plane(place[0], place[1], view)
@@ -213,12 +259,13 @@ def _seen(
         scale = c * from_c * np.float32(180 / np.pi) / side_deg
         at_y, at_x = (jnp.rint(away * scale).astype(jnp.int32) + middle for away in (y - from_y, x - from_x))
         inside = (at_y >= 0) & (at_y < side) & (at_x >= 0) & (at_x < side)
-        found = jnp.where(inside, flat[:, :, jnp.where(inside, at_y * side + at_x, 0)], 0)
+        found = jnp.where(inside[..., None], flat[jnp.where(inside, at_y * side + at_x, 0)], 0)
         return total[0] + found, total[1] + solid
 
     width = 2 * reach + 1
-    nothing = jnp.zeros((*samples.shape[:2], width, width), jnp.float32), jnp.zeros((width, width), jnp.float32)
+    nothing = jnp.zeros((width, width, flat.shape[1]), jnp.float32), jnp.zeros((width, width), jnp.float32)
     density, steradians = jax.lax.fori_loop(0, count * count, add, nothing)
+    density = jnp.moveaxis(density, 2, 0).reshape(*samples.shape[:2], width, width)
     return density / np.float32(count * count), steradians / np.float32(count * count)
 
 
