@@ -37,8 +37,17 @@ def weights() -> tuple[np.ndarray, np.ndarray]:
     return light_spectra.primary_weights(light_spectra.wavelengths_for(PPD))
 
 
-def moving(pose: Pose, steps: tuple[tuple[float, float], ...] = STEPS) -> np.ndarray:
-    return moving_kernel.moving_kernel(EYE, pose, steps)(*weights(), PPD)[0]
+def moving(pose: Pose, steps: tuple[tuple[float, float], ...] = STEPS, eye: Observer = EYE) -> np.ndarray:
+    """The eyes at rest and what the motion adds to them."""
+    at_rest = moving_kernel.rests(eye, pose, steps, PPD)
+    kernels = [
+        moving_kernel.resting_kernel(eye, rest.pupil_diameter_mm, rest.focus_d)(*weights(), PPD)[0] for rest in at_rest
+    ]
+    return np.asarray(moving_kernel.mean_of(kernels, at_rest) + change(pose, at_rest, eye))
+
+
+def change(pose: Pose, at_rest: list[moving_kernel.Rest], eye: Observer = EYE, **reach: int) -> np.ndarray:
+    return moving_kernel.change_kernel(eye, pose, at_rest, 3 * PPD)(*weights(), PPD, **reach)[0]
 
 
 def made_for_it(pose: Pose) -> np.ndarray:
@@ -102,24 +111,38 @@ def test_nothing_jumps_where_the_pupil_passes_a_step() -> None:
 
 
 def test_kernels_at_rest_serve_again_while_pupil_and_focus_waver() -> None:
-    moving_kernel._rest.cache_clear()
+    moving_kernel._resting.cache_clear()
     for number in range(12):
         moving(Pose(5.1 + 0.01 * number, defocus_d=0.3 + 0.003 * number, vitreous_deg=(0.1, 0.0)))
-    assert moving_kernel._rest.cache_info().misses == len(STEPS)
+    assert moving_kernel._resting.cache_info().misses == len(STEPS)
 
 
 def test_an_eye_without_fibres_needs_none() -> None:
     bare = Observer(gratings=0)
     pose = Pose(4.0, vitreous_deg=(1.0, 0.0))
-    kernel = moving_kernel.moving_kernel(bare, pose, ((4.0, 1.0),))(*weights(), PPD)[0]
+    kernel = moving(pose, ((4.0, 1.0),), bare)
     truth = whole.wave_kernel(monochromatic(bare, pose), *weights(), PPD, EYE.age_years, 0.5)[0]
     assert off(luminance(kernel), luminance(truth), 0.2, 1.5) < 0.01
 
 
-def test_a_part_of_the_kernel_is_the_middle_of_it_all() -> None:
-    pose = Pose(4.0, vitreous_deg=(1.0, 0.0))
-    make = moving_kernel.moving_kernel(Observer(gratings=0), pose, ((4.0, 1.0),))
-    whole_of_it, part = make(*weights(), PPD)[0], make(*weights(), PPD, radius_px=12)[0]
+def test_a_part_of_the_change_is_the_middle_of_it_all() -> None:
+    pose = Pose(4.0, vitreous_deg=(1.0, 0.0), openness=0.6)
+    at_rest = moving_kernel.rests(EYE, pose, ((4.0, 1.0),), PPD)
+    whole_of_it, part = change(pose, at_rest), change(pose, at_rest, radius_px=12)
     middle = whole_of_it.shape[-1] // 2
     inner = slice(middle - 12, middle + 13)
     np.testing.assert_allclose(part, whole_of_it[..., inner, inner], rtol=0, atol=1e-9)
+
+
+def test_an_eye_at_rest_adds_nothing_to_itself() -> None:
+    assert np.abs(change(Pose(5.0), [moving_kernel.Rest(5.0, EYE.defocus_d, 1.0)])).max() < 1e-12
+
+
+def test_the_change_has_no_light_of_its_own() -> None:
+    """What it takes away here it adds there, at any size of cells."""
+    pose = Pose(PUPIL_MM, defocus_d=0.3, vitreous_deg=(4.0, -1.5), openness=0.6)
+    make = moving_kernel.change_kernel(EYE, pose, moving_kernel.rests(EYE, pose, STEPS, PPD), 3 * PPD)
+    for pixels_per_deg in (PPD / 4, PPD, 3 * PPD):
+        found = make(*weights(), pixels_per_deg)[0]
+        assert np.abs(found.sum(axis=(2, 3))).max() < 2e-3
+        assert np.abs(found).sum() > 0.02
