@@ -41,7 +41,7 @@ def main(rounds: int = 15) -> None:
             monochromatic(observer, pose), nm, weights, VIEW.ppd_centre, observer.age_years, 0.5
         ),
         "what its motion changes": lambda: moving_kernel.change_kernel(
-            observer, pose, _at_rest(observer, pose, VIEW.ppd_centre), 3 * VIEW.ppd_centre
+            observer, pose, _at_rest(observer, pose, VIEW.ppd_centre), VIEW.ppd_centre
         )(nm, weights, VIEW.ppd_centre),
     }
     show(f"A kernel, {VIEW.ppd_centre:.1f} pixels per degree", interleaved(kernels, rounds), "made for the pose")
@@ -101,7 +101,7 @@ def _in_motion(
         moving_kernel.resting_kernel(observer, rest.pupil_diameter_mm, rest.focus_d)(nm, weights, pixels_per_deg)[0]
         for rest in at_rest
     ]
-    change, _ = moving_kernel.change_kernel(observer, pose, at_rest, 3 * pixels_per_deg)(nm, weights, pixels_per_deg)
+    change, _ = moving_kernel.change_kernel(observer, pose, at_rest, pixels_per_deg)(nm, weights, pixels_per_deg)
     return np.asarray(moving_kernel.mean_of(kernels, at_rest) + change)
 
 

@@ -44,6 +44,9 @@ ROOM = 1.12
 of that of any wider one; without room it is 2–4 % off, as samples fall onto Airy's dark rings."""
 LID_SAMPLES, SECTORS = 256, 72
 """Of the plane on which the fibres are counted that the lids leave, and in how many directions."""
+FINEST, CLOSEST, CLOSE_PX = 3, 12, 3
+"""Of the cells over which the motion is worked out, so many along a pixel of the view; and close to the axis, so many
+pixels to each side. As many as glare asks for: coarser cells close to a lamp are off by a fifth of its light there."""
 SAME = 1e-6
 """Lids that change the fibres' light by less leave it as it is: rounding."""
 BLUR_PX = 1.0
@@ -120,10 +123,10 @@ def resting_kernel(observer: Observer, pupil_diameter_mm: float, focus_d: float)
     return kernel
 
 
-def change_kernel(observer: Observer, pose: Pose, rests: Sequence[Rest], pixels_per_deg: float) -> Kernel:
+def change_kernel(observer: Observer, pose: Pose, rests: Sequence[Rest], view_per_deg: float) -> Kernel:
     """What a pose adds to the weighted kernels of eyes at rest, as nearly as the docs say; the veil has no part in it.
 
-    The light is worked out once, over cells of so many `pixels_per_deg`.
+    For a view of `view_per_deg` pixels per degree, beside which finer cells are lit evenly.
     """
     psf, shown = _coarse_psf(observer, pose), _fibres(observer, pose)
     at_rest = mean_of([_fibres_at_rest(observer, rest.pupil_diameter_mm) for rest in rests], rests)
@@ -134,13 +137,13 @@ def change_kernel(observer: Observer, pose: Pose, rests: Sequence[Rest], pixels_
     def kernel(
         nm: NDArray[np.float64],
         weights: NDArray[np.float64],
-        pixels_per_deg_: float,
+        pixels_per_deg: float,
         *,
         radius_px: int | None = None,
         wider: float = 1.0,
     ) -> tuple[NDArray[np.float64], float]:
-        cells = Cells(tuple(nm.tolist()), weights.tobytes(), weights.shape, pixels_per_deg_, radius_px, wider)
-        light = cells._replace(pixels_per_deg=pixels_per_deg, radius_px=None, wider=1.0)
+        cells = Cells(tuple(nm.tolist()), weights.tobytes(), weights.shape, pixels_per_deg, radius_px, wider)
+        light = cells._replace(pixels_per_deg=view_per_deg, radius_px=None, wider=1.0)
         if light not in made:
             made[light] = Coarse(psf, light, observer)
         known = [_resting(observer, rest.pupil_diameter_mm, rest.focus_d, cells) for rest in rests]
@@ -167,33 +170,54 @@ def mean_of(values: Sequence[Any], rests: Sequence[Rest]) -> Any:
 
 
 class Coarse:
-    """Light on the coarse plane, without fibres, over cells of any size: as if each of the finest were lit evenly."""
+    """Light on the coarse plane, without fibres, over cells of any size: as if each of the finest were lit evenly.
 
-    def __init__(self, psf: Float[np.ndarray, "n n"], finest: Cells, observer: Observer) -> None:
+    Worked out over FINEST cells a pixel, and over more of them close to the axis.
+    """
+
+    def __init__(self, psf: Float[np.ndarray, "n n"], light: Cells, observer: Observer) -> None:
+        self._samples = spectrum.tapered(psf, whole.FIELD_TAPER)
+        self._sample_scale = COARSE / len(psf)
+        self._nm, self._of_core = np.array(light.nm), whole.core_weights(FINE, light, _straylight_of(observer))
+        self._pixels_per_deg = light.pixels_per_deg
         self._made: dict[tuple[float, int], NDArray[np.float64]] = {}
-        self._finest_per_deg = finest.pixels_per_deg
-        self._reach = spectrum.kernel_radius_px(COARSE, finest.pixels_per_deg)
-        of_core = whole.core_weights(FINE, finest, _straylight_of(observer))
-        scale = finest.pixels_per_deg * COARSE / len(psf)
-        taper = whole.FIELD_TAPER
-        self._light = spectrum.scaled_kernel(
-            psf, np.array(finest.nm), of_core, scale, taper=taper, radius_px=self._reach
-        )
 
     def over(self, cells: Cells) -> NDArray[np.float64]:
         """Its light in cells, as far as it goes."""
         reach = min(spectrum.kernel_radius_px(COARSE, cells.pixels_per_deg), cells.reach_px)
         asked = cells.pixels_per_deg, reach
         if asked not in self._made:
-            share = _overlaps(*asked, self._finest_per_deg, self._reach)
-            *channels, j, _ = self._light.shape
+            close = (reach + 0.5) / asked[0] < (CLOSE_PX + 0.5 / CLOSEST) / self._pixels_per_deg * (1 + SAME)
+            finest = self._close if close and asked[0] > FINEST * self._pixels_per_deg else self._all
+            per_px = CLOSEST if finest is self._close else FINEST
+            share = _overlaps(*asked, per_px * self._pixels_per_deg, finest.shape[-1] // 2)
+            *channels, j, _ = finest.shape
             # (column, channel · row), then (row, channel · column).
-            turned = np.ascontiguousarray(self._light.reshape(-1, j, j).transpose(2, 0, 1)).reshape(j, -1)
+            turned = np.ascontiguousarray(finest.reshape(-1, j, j).transpose(2, 0, 1)).reshape(j, -1)
             columns = (share @ turned).reshape(2 * reach + 1, -1, j)
             turned = np.ascontiguousarray(columns.transpose(2, 1, 0)).reshape(j, -1)
             rows = (share @ turned).reshape(2 * reach + 1, -1, 2 * reach + 1)
             self._made[asked] = np.ascontiguousarray(rows.transpose(1, 0, 2)).reshape(*channels, *[2 * reach + 1] * 2)
         return self._made[asked]
+
+    @functools.cached_property
+    def _all(self) -> NDArray[np.float64]:
+        per_deg = FINEST * self._pixels_per_deg
+        return self._summed(self._samples, per_deg, spectrum.kernel_radius_px(COARSE, per_deg))
+
+    @functools.cached_property
+    def _close(self) -> NDArray[np.float64]:
+        # Only the samples that lie there at any wavelength.
+        sample_deg = bin_deg(float(self._nm.min())) * self._sample_scale
+        middle = len(self._samples) // 2
+        half = min(math.ceil((CLOSE_PX + 1) / self._pixels_per_deg / sample_deg) + 1, middle)
+        part = slice(middle - half, middle + half)
+        inner = np.ascontiguousarray(self._samples[part, part])
+        return self._summed(inner, CLOSEST * self._pixels_per_deg, CLOSEST * CLOSE_PX)
+
+    def _summed(self, samples: Float[np.ndarray, "n n"], per_deg: float, radius: int) -> NDArray[np.float64]:
+        scale = per_deg * self._sample_scale
+        return spectrum.scaled_kernel(samples, self._nm, self._of_core, scale, radius_px=radius)
 
 
 @functools.lru_cache(maxsize=32)

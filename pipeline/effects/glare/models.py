@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import map_coordinates, uniform_filter
 
 from entoptic.described import DescribedEnum
-from entoptic.pipeline.effects.glare.kernel import FINE_PER_PX, Formula, Mixture, Part, Veil
+from entoptic.pipeline.effects.glare.kernel import Formula, Mixture, Part, Veil
 from entoptic.pipeline.effects.glare.passing import Passing
 from entoptic.pipeline.observer import Observer
 from entoptic.pipeline.optics import analytic, flare_lines, light_spectra, moving_kernel, radial, whole
@@ -112,7 +112,7 @@ def _moving(observer: Observer, pose: Pose, pixels_per_deg: float, spectrum: str
 def _change(
     observer: Observer, pose: Pose, at_rest: Sequence[Rest], pixels_per_deg: float, spectrum: str | None
 ) -> Part:
-    kernel = moving_kernel.change_kernel(observer, pose, at_rest, FINE_PER_PX * pixels_per_deg)
+    kernel = moving_kernel.change_kernel(observer, pose, at_rest, pixels_per_deg)
     part = _wave_part(kernel, observer, pixels_per_deg, spectrum)
     return Passing(part.cells, None, part.colour, moving_kernel.REACH_DEG)
 

@@ -47,7 +47,7 @@ def moving(pose: Pose, steps: tuple[tuple[float, float], ...] = STEPS, eye: Obse
 
 
 def change(pose: Pose, at_rest: list[moving_kernel.Rest], eye: Observer = EYE, **reach: int) -> np.ndarray:
-    return moving_kernel.change_kernel(eye, pose, at_rest, 3 * PPD)(*weights(), PPD, **reach)[0]
+    return moving_kernel.change_kernel(eye, pose, at_rest, PPD)(*weights(), PPD, **reach)[0]
 
 
 def made_for_it(pose: Pose) -> np.ndarray:
@@ -141,7 +141,7 @@ def test_an_eye_at_rest_adds_nothing_to_itself() -> None:
 def test_the_change_has_no_light_of_its_own() -> None:
     """What it takes away here it adds there, at any size of cells."""
     pose = Pose(PUPIL_MM, defocus_d=0.3, vitreous_deg=(4.0, -1.5), openness=0.6)
-    make = moving_kernel.change_kernel(EYE, pose, moving_kernel.rests(EYE, pose, STEPS, PPD), 3 * PPD)
+    make = moving_kernel.change_kernel(EYE, pose, moving_kernel.rests(EYE, pose, STEPS, PPD), PPD)
     for pixels_per_deg in (PPD / 4, PPD, 3 * PPD):
         found = make(*weights(), pixels_per_deg)[0]
         assert np.abs(found.sum(axis=(2, 3))).max() < 2e-3
