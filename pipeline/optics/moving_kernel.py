@@ -26,14 +26,11 @@ from entoptic.pipeline.observer import Observer
 from entoptic.pipeline.optics import analytic, aperture, lens, spectrum, whole
 from entoptic.pipeline.optics.aperture import PLANE_M, Pose
 from entoptic.pipeline.optics.diffraction import bin_deg, power
-from entoptic.pipeline.optics.light_spectra import RANGE_NM
 from entoptic.pipeline.optics.monochromatic import monochromatic
 from entoptic.pipeline.optics.whole import Cells, Straylight
 
 FINE, COARSE = 2048, 1024
 """Samples along the plane of the eye at rest, and along that of what moves."""
-REACH_DEG = FINE / 2 * bin_deg(RANGE_NM[1])
-"""As far as the fine plane's field goes at the longest wavelength."""
 SIZES = (256, 288, 320, 360, 400, 432, 480, 512, 540, 576, 600, 640, 675, 720, 768, 810, 864, 900, 960, 1024)
 """At which the lit part of the coarse plane is transformed; of the fine one, at twice that up to `WIDE_PER_DEG`."""
 WIDE_PER_DEG = 12.0

@@ -204,8 +204,7 @@ def _beyond(part: Part, off: Off) -> Reals:
 def _strewn(part: Part) -> tuple[Reals, Reals]:
     """Angles, and how much light goes that far: (n,) and (4, 3, n), all counted as positive."""
     angles, lights, begins = [], [], 0.0
-    for per_deg, most in SAMPLED:
-        count = min(most, math.ceil(part.reach_deg * per_deg))
+    for per_deg, count in SAMPLED:
         cells = part.cells(per_deg, count, 1.0)
         offset = np.arange(-count, count + 1) / per_deg
         middle, corner = (np.hypot(away[:, None], away) for away in (np.abs(offset), np.abs(offset) + 0.5 / per_deg))

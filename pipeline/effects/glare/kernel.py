@@ -111,8 +111,6 @@ class Part:
     veil: Veil | None
     colour: Reals | None = None
     """Linear Rec.709 of a light with a spectrum of its own, of luminance 1: the colour of its veil."""
-    reach_deg: float = radial.EDGE_DEG
-    """As far as its cells have any light."""
     made: dict[Any, Any] = dataclasses.field(default_factory=dict, repr=False)
     """What was made of it, by what for: it goes when the part goes."""
 
@@ -155,10 +153,8 @@ def _prepare(part: Part, plane: Plane) -> Prepared:
     fine, fine_deg = _near_cells(part, pixel_deg / FINE_PER_PX, far, wider)
     all_near = fine.sum(axis=(2, 3))
     bounds = [tuple(pixel_deg * edge * THEN**k for edge in FIRST_PX) for k in range(len(levels(plane)))]
-    near = np.zeros((1, 1, 1, 1))
-    if plane.pool == 1:
-        near, near_deg = _near_cells(part, plane.step_deg / 3, far, wider)
-        near = _threes(near * smooth_step(near_deg, *bounds[-1]))
+    near, near_deg = _near_cells(part, plane.step_deg / 3, far, wider)
+    near = _threes(near * smooth_step(near_deg, *bounds[-1])) if plane.pool == 1 else np.zeros((1, 1, 1, 1))
     core, core_deg = _core_cells(part, pixel_deg / CORE_PER_PX, far, wider)
     profile = _profile(pixel_deg, core, core_deg, fine, fine_deg, far[1])
     taps = [_taps(profile, plane, k, stencil, bounds) for k, stencil in enumerate(levels(plane))]
@@ -212,22 +208,21 @@ def _threes(cells: Reals) -> Reals:
 
 def _far(part: Part, plane: Plane, wider: float) -> tuple[Array, Array]:
     """Transforms of A and B."""
-    least = plane.least_scale
-    of_cells = [_of_cells(part, plane, scale, wider) for scale in (1.0, least)]
-    high, turning = _parted(of_cells[0], of_cells[1] * least**FALLS, np.ones(()), least)
-    if part.veil is None:
-        return _transform_around(high, plane, GAIN), _transform_around(turning, plane, GAIN)
     down, right = plane.distances()
     distance = np.hypot(down, right)
+    least = plane.least_scale
     # Two directions at this distance have the largest g on either side of the axis.
     largest = np.maximum(1 / (1 + distance**2 / 16), least)
-    ends = []
-    for scale in (largest, least):
-        deg = np.degrees(2 * np.arcsin(np.minimum(distance * scale / 2, 1)))
-        ends.append(part.veil.density(np.maximum(deg, 1e-3), wider) * scale**FALLS)
-    veil_high, veil_turning = _parted(ends[0], ends[1], largest, least)
-    alike = (np.eye(len(high)) if part.colour is None else part.colour[:, None])[:, :, None, None]
-    high, turning = _at_origin(high, plane) + alike * veil_high, _at_origin(turning, plane) + alike * veil_turning
+    of_cells = [_of_cells(part, plane, scale, wider) for scale in (1.0, least)]
+    high, turning = _parted(of_cells[0], of_cells[1] * least**FALLS, np.ones_like(distance), least)
+    if part.veil is not None:
+        ends = []
+        for scale in (largest, least):
+            deg = np.degrees(2 * np.arcsin(np.minimum(distance * scale / 2, 1)))
+            ends.append(part.veil.density(np.maximum(deg, 1e-3), wider) * scale**FALLS)
+        veil_high, veil_turning = _parted(ends[0], ends[1], largest, least)
+        alike = (np.eye(len(high)) if part.colour is None else part.colour[:, None])[:, :, None, None]
+        high, turning = high + alike * veil_high, turning + alike * veil_turning
     return tuple(_transform(each, plane, GAIN) for each in (high, turning))  # type: ignore[return-value]
 
 
@@ -239,14 +234,13 @@ def _parted(at_largest: Reals, at_least: Reals, largest: Reals, least: float) ->
 
 
 def _of_cells(part: Part, plane: Plane, scale: float, wider: float) -> Reals:
-    """Density of what is far and in a part's cells, (o, i, k, k), where angles are distances times `scale`."""
+    """Density of what is far and in a part's cells, (o, i, v, u), where angles are distances times `scale`."""
     side_deg = plane.step_deg * scale
-    # As far as they reach where angles are smallest.
-    reach = whole.kernel_radius_px(1 / (plane.step_deg * plane.least_scale), wider)
-    reach = min(reach, max(plane.height, plane.width) - 1)
+    reach = min(whole.kernel_radius_px(1 / side_deg, wider), max(plane.height, plane.width) - 1)
     offset = np.arange(-reach, reach + 1) * side_deg
     deg = np.hypot(offset[:, None], offset)
-    return part.cells(1 / side_deg, reach, wider) * smooth_step(deg, *far_deg(plane)) / (plane.step * scale) ** 2
+    cells = part.cells(1 / side_deg, reach, wider) * smooth_step(deg, *far_deg(plane)) / (plane.step * scale) ** 2
+    return _at_origin(cells, plane)
 
 
 def _at_origin(cells: Reals, plane: Plane) -> Reals:
@@ -261,32 +255,11 @@ def _at_origin(cells: Reals, plane: Plane) -> Reals:
 
 def _transform(density: Reals, plane: Plane, gain: float) -> Array:
     """Its FFT, with what B-splines and cells take from it raised again up to `gain` times."""
-    return jax.device_put(np.complex64(scipy.fft.rfft2(density, workers=-1) * _raising(plane, gain)))
-
-
-def _transform_around(cells: Reals, plane: Plane, gain: float) -> Array:
-    """The same of cells around a point, in float32, which is enough without what is smooth: rows that are dark take no
-    time.
-    """
-    reach = cells.shape[-1] // 2
-    down, right = min(reach, plane.height - 1), min(reach, plane.width - 1)
-    rows, columns = np.arange(-down, down + 1), np.arange(-right, right + 1)
-    lit = np.zeros((*cells.shape[:2], len(rows), plane.fft_width), np.float32)
-    lit[..., columns] = cells[:, :, reach - down : reach + down + 1, reach - right : reach + right + 1]
-    spectrum = np.zeros((*cells.shape[:2], plane.fft_height, plane.fft_width // 2 + 1), np.complex64)
-    spectrum[:, :, rows] = scipy.fft.rfft(lit)
-    spectrum = scipy.fft.fft(spectrum, axis=-2, overwrite_x=True)
-    spectrum *= _raising(plane, gain).astype(np.float32)
-    return jax.device_put(spectrum)
-
-
-@functools.lru_cache(maxsize=16)
-def _raising(plane: Plane, gain: float) -> Reals:
     v = np.fft.fftfreq(plane.fft_height)[:, None]
     u = np.fft.rfftfreq(plane.fft_width)[None, :]
     # Six powers of the two B-splines, two of the linear weights that pool pixels, one of the kernel's own cells.
     kept = np.abs(np.sinc(v) * np.sinc(u)) ** (9 if plane.pool > 1 else 7)
-    return np.asarray(1 / np.maximum(kept, 1 / gain))
+    return jax.device_put(np.complex64(scipy.fft.rfft2(density, workers=-1) / np.maximum(kept, 1 / gain)))
 
 
 def _profile(

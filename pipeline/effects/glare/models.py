@@ -114,7 +114,7 @@ def _change(
 ) -> Part:
     kernel = moving_kernel.change_kernel(observer, pose, at_rest, pixels_per_deg)
     part = _wave_part(kernel, observer, pixels_per_deg, spectrum)
-    return Passing(part.cells, None, part.colour, moving_kernel.REACH_DEG)
+    return Passing(part.cells, None, part.colour)
 
 
 _posed = functools.lru_cache(maxsize=4)(_change)

@@ -1,11 +1,13 @@
 """Which functions an eye's glare is made of."""
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
 
 from entoptic.pipeline.effects.glare import Mixture, kernel, models, stamps
 from entoptic.pipeline.effects.glare.models import GlareModel
+from entoptic.pipeline.effects.glare.passing import Passing
 from entoptic.pipeline.effects.glare.plane import plane_of
 from entoptic.pipeline.frame import View
 from entoptic.pipeline.observer import Observer
@@ -53,12 +55,12 @@ def test_each_frame_of_an_eye_in_motion_makes_one_kernel_that_never_serves_again
     assert made.count("resting_kernel") == 2
 
 
-def test_a_part_without_a_veil_is_transformed_as_if_its_dark_cells_were_there() -> None:
-    plane = plane_of(View(96, 80, 60.0), 2)
-    rng = np.random.default_rng(1)
-    around = rng.random((3, 3, 9, 9))
-    expected = kernel._transform(kernel._at_origin(around, plane), plane, kernel.GAIN)
-    np.testing.assert_allclose(kernel._transform_around(around, plane, kernel.GAIN), expected, rtol=0, atol=1e-4)
+def test_what_an_eyes_motion_adds_is_prepared_as_any_other_part() -> None:
+    plane = plane_of(View(200, 160, 60.0), 4)
+    cells = models.wave_mixture(EYE, Pose(4.1, openness=0.5), plane.view.ppd_centre)[-1][0].cells
+    quickly, plainly = (kernel.prepared(((part(cells, None), 1.0),), plane)[0][0] for part in (Passing, kernel.Part))
+    for one, other in zip(jax.tree.leaves(quickly), jax.tree.leaves(plainly), strict=True):
+        np.testing.assert_allclose(one, other, rtol=0, atol=2e-5 * float(np.abs(other).max()) + 1e-12)
 
 
 def test_a_window_that_is_looked_up_once_a_pixel_has_the_light_of_one_looked_up_nine_times() -> None:
