@@ -59,9 +59,11 @@ def glare(light: ArrayLike, view: View, function: Function, at: NDArray[np.intp]
 def from_pixel(view: View, function: Function, pixel: tuple[int, int], at: NDArray[np.intp]) -> Reals:
     """What other pixels `at` (n, 2) get of one pixel's light of luminance 1, (o, i, n) or (1, 1, n)."""
     row, column = at.T
-    density = _density(
-        view, function, np.full(len(at), pixel[0]), np.full(len(at), pixel[1]), directions(view, row, column), 0
-    )
+    there = directions(view, row, column)
+    source = np.full(len(at), pixel[0]), np.full(len(at), pixel[1])
+    away = np.maximum(np.abs(row - pixel[0]), np.abs(column - pixel[1]))
+    averaged, at_middle = (_density(view, function, *source, there, away_px) for away_px in (0, max(PARTS) + 1))
+    density = np.where(away <= max(PARTS), averaged, at_middle)
     deg = angle_deg(directions(view, *(np.array([place]) for place in pixel)), directions(view, row, column))
     far = np.where(deg >= SPLIT_DEG, function.far(np.maximum(deg, SPLIT_DEG)), 0)
     alike = np.eye(len(density))[:, :, None]

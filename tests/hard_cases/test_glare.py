@@ -33,18 +33,22 @@ def wave(pixels_per_deg: float) -> Mixture:
     return ((models.wave_part(OBSERVER, Pose(4.0), pixels_per_deg, grid=512, wavelengths=8), 1.0),)
 
 
-CIE = models.mixture(models.GlareModel.CIE, Observer(), Pose(4.0), 1.0, 10.0)
+@functools.lru_cache
+def cie() -> Mixture:
+    return models.mixture(models.GlareModel.CIE, Observer(), Pose(4.0), 1.0, 10.0)
 
 
 def _compact(per_deg: float, radius: int, wider: float) -> np.ndarray:
     """The same light as CIE's near the axis, and none further than 3°."""
     offset = np.arange(-radius, radius + 1) / per_deg
-    near = CIE[0][0].cells(per_deg, radius, wider) * (np.hypot(offset[:, None], offset) < 3)
+    near = cie()[0][0].cells(per_deg, radius, wider) * (np.hypot(offset[:, None], offset) < 3)
     near[:, :, radius, radius] += 1 - near.sum()
     return near
 
 
-COMPACT: Mixture = ((Part(_compact, None), 1.0),)
+@functools.lru_cache
+def compact() -> Mixture:
+    return ((Part(_compact, None), 1.0),)
 
 
 def scattered(rgb: np.ndarray, view: View, kernel: Mixture, level: GlareLevel) -> np.ndarray:
@@ -83,7 +87,7 @@ def test_the_sun_beside_starlight(name: str, level: GlareLevel) -> None:
     """In float32, and nothing below 0: 4 % in the dark corner, which the sun's veil lights."""
     view, at = SIGHTS[name]
     rgb = sun(view, *at)
-    image = scattered(rgb, view, CIE, level)
+    image = scattered(rgb, view, cie(), level)
     far = far_from(view, at)
     truth = lit_by_the_sun(name)
     assert truth.min() > 100
@@ -96,7 +100,7 @@ def test_the_sun_beside_starlight(name: str, level: GlareLevel) -> None:
 def test_the_sun_without_a_veil_leaves_starlight_but_for_rounding(name: str, level: GlareLevel) -> None:
     """No eye is without a veil: without one there is noise, 5e-8 of the sun."""
     view, at = SIGHTS[name]
-    image = scattered(sun(view, *at), view, COMPACT, level)
+    image = scattered(sun(view, *at), view, compact(), level)
     far = far_from(view, at)
     assert np.abs(image[:, far[:, 0], far[:, 1]] - 1e-3).max() < 5e-8 * SUN_CD_M2
     assert np.asarray(luminance(jnp.asarray(image))).min() >= 0
@@ -152,7 +156,7 @@ def test_a_kernel_larger_than_the_frame(size: tuple[int, int], level: GlareLevel
     assert np.isfinite(image).all()
     assert np.asarray(luminance(jnp.asarray(image))).min() >= 0
     expected = sphere.glare(rgb, view, alike(cie135(30.0, 0.5)))
-    np.testing.assert_allclose(scattered(rgb, view, CIE, level), expected, rtol=0.1, atol=0.02 * rgb.max())
+    np.testing.assert_allclose(scattered(rgb, view, cie(), level), expected, rtol=0.1, atol=0.02 * rgb.max())
 
 
 @pytest.mark.parametrize("pupil_diameter_mm", [0.0, -1.0, math.nan, math.inf])
