@@ -37,7 +37,7 @@ def standing_out(
     """Of a frame's pixels, with what they have more than there is beyond its edges, as its cells are given."""
     pool = plane.pool
     around = _mean_around(luminance(cells + beyond))
-    peaks = luminance(_maxima(light, pool))
+    peaks = luminance(_maxima(light, pool) + beyond)
     ratio = jnp.where(around > 0, peaks / jnp.where(around > 0, around, 1), 0)
     ratio = jnp.where(_within(plane), ratio, 0)
     cell = _most(ratio, choice.times, choice.most // 2 if pool > 1 else choice.most)
@@ -47,13 +47,12 @@ def standing_out(
     both = len(cell), pool, pool
     y = jnp.broadcast_to((row[:, None] * pool + offset)[:, :, None], both).ravel()
     x = jnp.broadcast_to((column[:, None] * pool + offset)[:, None, :], both).ravel()
-    colour = light.at[:, y, x].get(mode="fill", fill_value=0)
+    more = light.at[:, y, x].get(mode="fill", fill_value=0)
     level = around.at[jnp.repeat(row, pool * pool), jnp.repeat(column, pool * pool)].get(mode="fill", fill_value=0)
-    own = luminance(colour[:, None])[0]
+    own = luminance(more[:, None] + beyond)[0]
     chosen = _most(jnp.where(level > 0, own / jnp.where(level > 0, level, 1), 0), choice.times, choice.most)
     y, x = (place.at[chosen].get(mode="fill", fill_value=0) for place in (y, x))
-    more = colour.at[:, chosen].get(mode="fill", fill_value=0) - beyond[:, :, 0]
-    return Apart(y, x, jnp.where(chosen < own.size, more, 0))
+    return Apart(y, x, more.at[:, chosen].get(mode="fill", fill_value=0))
 
 
 def _most(ratio: Array, times: float, most: int) -> Int[Array, "n"]:

@@ -184,7 +184,10 @@ def _gathers(
 def gathered(light: Float[Array, "c row column"], tables: Tables, height: int) -> Float[Array, "c v u"]:
     """Light of the frame's cells on the plane; none is lost. To be called within the caller's jitted function."""
     flat = light.reshape(len(light), -1)
-    parts = [(flat[:, zone.sources] * zone.weights).sum(axis=1) for zone in tables.zones]
+    parts = [
+        sum(flat[:, sources] * weights for sources, weights in zip(zone.sources, zone.weights, strict=True))
+        for zone in tables.zones
+    ]
     whole = jnp.concatenate([*map(jnp.asarray, parts), jnp.zeros((len(flat), 1), flat.dtype)], axis=1)
     return whole[:, tables.place].reshape(len(flat), height, -1)
 

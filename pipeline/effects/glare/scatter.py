@@ -70,9 +70,10 @@ def glare(
     if ceiling_cd_m2 is not None:
         light, beyond = (_above(each, np.float32(ceiling_cd_m2)) for each in (rgb, beyond))
     rest = -view.height_px % plane.pool, -view.width_px % plane.pool
+    light = _more(light, beyond)
     if any(rest):
-        light = jnp.pad(light - beyond, ((0, 0), (0, rest[0]), (0, rest[1]))) + beyond
-    pooled = spread.pooled(light, beyond, plane.pool)
+        light = jnp.pad(light, ((0, 0), (0, rest[0]), (0, rest[1])))
+    pooled = spread.pooled(light, plane.pool)
     pixels = apart.standing_out(light, pooled.cells, beyond, plane, CHOICES[plane.pool])
     parts = [(part, made, weight) for (part, _), (made, weight) in zip(mixture, prepared(mixture, plane), strict=True)]
     weights = np.array([weight for *_, weight in parts], np.float32)
@@ -97,7 +98,9 @@ def glare(
         result = result[:, : view.height_px, : view.width_px]
     result = stamps.lay_down(result, pixels, plane, parts, mixed)
     result = lights.lay_down(result, points, plane)
-    return result if ceiling_cd_m2 is None else _with_rest(rgb, light[:, : view.height_px, : view.width_px], result)
+    if ceiling_cd_m2 is None:
+        return result
+    return _with_rest(rgb, _above(rgb, np.float32(ceiling_cd_m2)), result)
 
 
 def mirrored(rgb: Float[Array, "3 y x"], view: View) -> tuple[Float[Array, "3 y x"], View]:
@@ -113,6 +116,12 @@ def cropped(rgb: Float[Array, "3 y x"], view: View) -> Float[Array, "3 y x"]:
     """The middle of an image, as large as a view."""
     down, right = (rgb.shape[1] - view.height_px) // 2, (rgb.shape[2] - view.width_px) // 2
     return rgb[:, down : down + view.height_px, right : right + view.width_px]
+
+
+@jax.jit
+def _more(rgb: Float[Array, "3 y x"], beyond: Float[Array, "3 1 1"]) -> Float[Array, "3 y x"]:
+    """In a pass of its own: XLA would work it out anew for each pixel of each stencil."""
+    return rgb - beyond
 
 
 @jax.jit

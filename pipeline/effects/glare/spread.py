@@ -49,13 +49,12 @@ class Pooled(NamedTuple):
     cells: Float[Array, "3 row column"]
 
 
-def pooled(light: Float[Array, "3 y x"], beyond: Float[Array, "3 1 1"], pool: int) -> Pooled:
+def pooled(light: Float[Array, "3 y x"], pool: int) -> Pooled:
     """What a frame whose sides are whole numbers of cells has more than there is beyond its edges, at each level."""
     levels = [light]
     while 2 ** len(levels) <= pool:
         levels.append(_halved(levels[-1]))
-    cells = _to_cells(levels[-2]) if pool > 1 else light
-    return Pooled(tuple(_more(level, beyond) for level in levels[1:]), _more(cells, beyond))
+    return Pooled(tuple(levels[1:]), _to_cells(levels[-2]) if pool > 1 else light)
 
 
 def without(whole: Pooled, apart: Apart, pool: int) -> Pooled:
@@ -216,7 +215,9 @@ def combined(
             low = raised_at_once(low)
         low = _positive(_level(low, image, of_level, view, side), beyond)
         side //= 2
-    return (_smooth if rest.coarser else _as_is)(light, low, mixed, beyond, view)
+    if not rest.coarser:
+        return _with(beyond, _as_is(light, low, mixed, view))
+    return _smooth(light, _positive(low, _leaves(beyond, mixed, view, 2, low.shape[1:])), mixed, beyond, view)
 
 
 @functools.partial(jax.jit, static_argnames=("view", "side"))
@@ -234,7 +235,7 @@ def _smooth(
     beyond: Float[Array, "3 1 1"],
     view: View,
 ) -> Float[Array, "3 y x"]:
-    return _lit(raised_linearly(low) + _near(light - beyond, mixed, view) + beyond)
+    return raised_linearly(low) + _near(light, mixed, view) + beyond
 
 
 @functools.partial(jax.jit, static_argnames="view")
@@ -242,10 +243,21 @@ def _as_is(
     light: Float[Array, "3 y x"],
     low: Float[Array, "3 y x"],
     mixed: Mixed,
-    beyond: Float[Array, "3 1 1"],
     view: View,
 ) -> Float[Array, "3 y x"]:
-    return _lit(low + _near(light - beyond, mixed, view) + beyond)
+    return low + _near(light, mixed, view)
+
+
+@functools.partial(jax.jit, static_argnames=("view", "side", "size"))
+def _leaves(
+    even: Float[Array, "3 1 1"], mixed: Mixed, view: View, side: int, size: tuple[int, ...]
+) -> Float[Array, "3 y x"]:
+    """What of an even light comes from further than next pixels: so much less than `beyond` the rest may be."""
+    sines = _sines(view, side, size)
+    near = through(mixed.stays[:, :, None, None], even) - _polynomial(sines, mixed.leaves) * even
+    for tap in mixed.taps[0]:
+        near = near + 4 * _polynomial(sines, tap) * even
+    return even - near
 
 
 def _near(light: Float[Array, "3 y x"], mixed: Mixed, view: View) -> Float[Array, "3 y x"]:
@@ -263,18 +275,15 @@ _to_cells = jax.jit(to_cells)
 
 
 @jax.jit
-def _more(image: Float[Array, "3 y x"], beyond: Float[Array, "3 1 1"]) -> Float[Array, "3 y x"]:
-    return image - beyond
-
-
-@jax.jit
-def _positive(image: Float[Array, "3 y x"], beyond: Float[Array, "3 1 1"]) -> Float[Array, "3 y x"]:
+def _positive(image: Float[Array, "3 y x"], beyond: Float[Array, "3 #y #x"]) -> Float[Array, "3 y x"]:
     """Of light more than `beyond`: no light where there would be less than none."""
     return jnp.where(luminance(image) > -luminance(beyond), image, -beyond)
 
 
-def _lit(image: Float[Array, "3 y x"]) -> Float[Array, "3 y x"]:
-    """Nothing where luminance is not above 0."""
+@functools.partial(jax.jit, donate_argnames="image")
+def _with(beyond: Float[Array, "3 1 1"], image: Float[Array, "3 y x"]) -> Float[Array, "3 y x"]:
+    """All light; nothing where luminance is not above 0."""
+    image = image + beyond
     return jnp.where(luminance(image) > 0, image, 0)
 
 
