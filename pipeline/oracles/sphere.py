@@ -61,10 +61,10 @@ def from_pixel(view: View, function: Function, pixel: tuple[int, int], at: NDArr
     row, column = at.T
     there = directions(view, row, column)
     source = np.full(len(at), pixel[0]), np.full(len(at), pixel[1])
-    away = np.maximum(np.abs(row - pixel[0]), np.abs(column - pixel[1]))
     averaged, at_middle = (_density(view, function, *source, there, away_px) for away_px in (0, max(PARTS) + 1))
-    density = np.where(away <= max(PARTS), averaged, at_middle)
-    deg = angle_deg(directions(view, *(np.array([place]) for place in pixel)), directions(view, row, column))
+    deg = angle_deg(directions(view, *(np.array([place]) for place in pixel)), there)
+    # Of a pixel at the split a part would be missing.
+    density = np.where(deg < SPLIT_DEG - 2 / view.ppd_centre, averaged, at_middle)
     far = np.where(deg >= SPLIT_DEG, function.far(np.maximum(deg, SPLIT_DEG)), 0)
     alike = np.eye(len(density))[:, :, None]
     return np.asarray((np.where(deg < SPLIT_DEG, density, 0) + alike * far) * solid_angles(view)[pixel])
