@@ -24,6 +24,7 @@ from entoptic.pipeline.effects.glare.kernel import (
     CORE_PER_PX,
     FALLS,
     FINE_PER_PX,
+    TURNS,
     Mixture,
     Part,
     Sampled,
@@ -32,7 +33,7 @@ from entoptic.pipeline.effects.glare.kernel import (
     smooth_step,
 )
 from entoptic.pipeline.effects.glare.plane import Plane, b_spline
-from entoptic.pipeline.effects.glare.spread import blended, mixed, scattered_on_plane
+from entoptic.pipeline.effects.glare.spread import blended, mixed, through
 from entoptic.pipeline.effects.glare.stamps import AT_ONCE, REACHES_PX, added, pixel_deg_of, reach_px, windows
 from entoptic.pipeline.frame import Light, View
 from entoptic.pipeline.observer import Observer
@@ -159,7 +160,7 @@ def colour_of(spectrum: str) -> NDArray[np.float64]:
 
 def on_plane(groups: Sequence[Points], plane: Plane) -> Float[Array, "3 v u"] | None:
     """Far light of the points on the plane, as spread.arrives takes it."""
-    total = None
+    each: list[tuple[NDArray[np.float32], list[tuple[Array, Array]], NDArray[np.float32]]] = []
     for points in groups:
         inside = _on_plane(points, plane)
         if not inside.any():
@@ -175,9 +176,8 @@ def on_plane(groups: Sequence[Points], plane: Plane) -> Float[Array, "3 v u"] | 
                 )
         made = prepared(points.mixture, plane)
         weights = np.array([weight for _, weight in made], np.float32)
-        part = _scattered(image, [(each.high, each.turning) for each, _ in made], weights, *_plane_arrays(plane))
-        total = part if total is None else total + part
-    return total
+        each.append((image, [(part.high, part.turning) for part, _ in made], weights))
+    return _scattered(each, *_plane_arrays(plane)) if each else None
 
 
 def _on_plane(points: Points, plane: Plane) -> NDArray[np.bool_]:
@@ -194,14 +194,24 @@ def _plane_arrays(plane: Plane) -> tuple[Float[Array, "v u"], tuple[int, int, in
 
 @functools.partial(jax.jit, static_argnames="size")
 def _scattered(
-    image: Float[Array, "1 v u"],
-    spectra: Sequence[tuple[Array, Array]],
-    weights: Float[Array, "part"],
+    each: Sequence[tuple[Float[Array, "1 v u"], Sequence[tuple[Array, Array]], Float[Array, "part"]]],
     cosines: Float[Array, "v u"],
     size: tuple[int, int, int, int],
 ) -> Float[Array, "3 v u"]:
-    high, turning = (blended([part[k] for part in spectra], weights) for k in range(2))
-    return scattered_on_plane(image * cosines ** np.float32(-FALLS), cosines, high, turning, size, image, None)
+    """Of light of each spectrum, by its own function: they come back from their transforms together."""
+    height, width, *fft = size
+    turned = cosines ** np.float32(TURNS)
+    falling = cosines ** np.float32(-FALLS)
+    direct, turning = [], []
+    for image, spectra, weights in each:
+        light = image * falling
+        direct.append(through(blended([part[0] for part in spectra], weights), jnp.fft.rfft2(light, s=fft)))
+        turning.append(through(blended([part[1] for part in spectra], weights), jnp.fft.rfft2(light * turned, s=fft)))
+
+    def back(parts: Sequence[Array]) -> Array:
+        return jnp.fft.irfft2(functools.reduce(jnp.add, parts), s=fft)[:, :height, :width]
+
+    return back(direct) + turned * back(turning)
 
 
 def from_outside(groups: Sequence[Points], plane: Plane) -> Float[np.ndarray, "3 row column"] | None:
