@@ -6,10 +6,12 @@ kernel.py     what a part is in a view's plane: far, near, and over a few pixels
 plane.py      the plane that light is scattered over, right everywhere in a view
 pyramid.py    the frame at lower resolutions, and back
 spread.py     all light pooled, scattered over the plane and laid on the pixels
-around.py     light that a scene knows beyond the view's edges
 apart.py      which pixels stand out
 stamps.py     near light of those, at true angles
 lights.py     lights of their own, with spectra
+outside.py    those that stand outside the view
+around.py     light that a scene knows beyond the view's edges
+passing.py    what an eye's motion adds to its resting functions
 scatter.py    all of it, for one image
 bounds.py     how much all this can change, from the tiles' ranges
 """

@@ -150,14 +150,14 @@ def _prepare(part: Part, plane: Plane) -> Prepared:
     far = far_deg(plane)
     wider = max(1.0, far[1] / whole.VEIL_DEG[0])
     pixel_deg = plane.step_deg / plane.pool
-    fine, fine_deg = _near_cells(part, pixel_deg / FINE_PER_PX, far, wider)
+    fine, fine_deg = near_cells(part, pixel_deg / FINE_PER_PX, far, wider)
     all_near = fine.sum(axis=(2, 3))
     bounds = [tuple(pixel_deg * edge * THEN**k for edge in FIRST_PX) for k in range(len(levels(plane)))]
-    near, near_deg = _near_cells(part, plane.step_deg / 3, far, wider)
+    near, near_deg = near_cells(part, plane.step_deg / 3, far, wider)
     near = _threes(near * smooth_step(near_deg, *bounds[-1])) if plane.pool == 1 else np.zeros((1, 1, 1, 1))
-    core, core_deg = _core_cells(part, pixel_deg / CORE_PER_PX, far, wider)
-    profile = _profile(pixel_deg, core, core_deg, fine, fine_deg, far[1])
-    taps = [_taps(profile, plane, k, stencil, bounds) for k, stencil in enumerate(levels(plane))]
+    core, core_deg = core_cells(part, pixel_deg / CORE_PER_PX, far, wider)
+    profile = profile_of(pixel_deg, core, core_deg, fine, fine_deg, far[1])
+    taps = [taps_of(profile, plane, k, stencil, bounds) for k, stencil in enumerate(levels(plane))]
     leaves = sum(
         len(around(tap)) * of_tap
         for stencil, of_level in zip(levels(plane), taps, strict=True)
@@ -167,7 +167,7 @@ def _prepare(part: Part, plane: Plane) -> Prepared:
     return Prepared(
         high,
         turning,
-        _transform(_at_origin(near / plane.step**2, plane), plane, 1.0) if plane.pool == 1 else None,
+        transform(_at_origin(near / plane.step**2, plane), plane, 1.0) if plane.pool == 1 else None,
         Sampled(
             *(
                 jax.device_put(np.float32(cells / np.radians(pixel_deg / per_px) ** 2))
@@ -183,7 +183,7 @@ def _prepare(part: Part, plane: Plane) -> Prepared:
     )
 
 
-def _near_cells(part: Part, side_deg: float, far: tuple[float, float], wider: float) -> tuple[Reals, Reals]:
+def near_cells(part: Part, side_deg: float, far: tuple[float, float], wider: float) -> tuple[Reals, Reals]:
     """The light in cells, as far as it is near, and the angles of their middles."""
     reach = int(np.ceil(far[1] / side_deg)) + 1
     # So many that they come in threes.
@@ -193,7 +193,7 @@ def _near_cells(part: Part, side_deg: float, far: tuple[float, float], wider: fl
     return part.cells(1 / side_deg, reach, wider) * (1 - smooth_step(deg, *far)), deg
 
 
-def _core_cells(part: Part, side_deg: float, far: tuple[float, float], wider: float) -> tuple[Reals, Reals]:
+def core_cells(part: Part, side_deg: float, far: tuple[float, float], wider: float) -> tuple[Reals, Reals]:
     """The same close to the axis."""
     reach = CORE_PER_PX * CORE_PX
     offset = np.arange(-reach, reach + 1) * side_deg
@@ -214,19 +214,19 @@ def _far(part: Part, plane: Plane, wider: float) -> tuple[Array, Array]:
     # Two directions at this distance have the largest g on either side of the axis.
     largest = np.maximum(1 / (1 + distance**2 / 16), least)
     of_cells = [_of_cells(part, plane, scale, wider) for scale in (1.0, least)]
-    high, turning = _parted(of_cells[0], of_cells[1] * least**FALLS, np.ones_like(distance), least)
+    high, turning = parted(of_cells[0], of_cells[1] * least**FALLS, np.ones_like(distance), least)
     if part.veil is not None:
         ends = []
         for scale in (largest, least):
             deg = np.degrees(2 * np.arcsin(np.minimum(distance * scale / 2, 1)))
             ends.append(part.veil.density(np.maximum(deg, 1e-3), wider) * scale**FALLS)
-        veil_high, veil_turning = _parted(ends[0], ends[1], largest, least)
+        veil_high, veil_turning = parted(ends[0], ends[1], largest, least)
         alike = (np.eye(len(high)) if part.colour is None else part.colour[:, None])[:, :, None, None]
         high, turning = high + alike * veil_high, turning + alike * veil_turning
-    return tuple(_transform(each, plane, GAIN) for each in (high, turning))  # type: ignore[return-value]
+    return tuple(transform(each, plane, GAIN) for each in (high, turning))  # type: ignore[return-value]
 
 
-def _parted(at_largest: Reals, at_least: Reals, largest: Reals, least: float) -> tuple[Reals, Reals]:
+def parted(at_largest: Reals, at_least: Reals, largest: Reals, least: float) -> tuple[Reals, Reals]:
     """A and B of what g^FALLS·K is at the largest and at the least g."""
     apart = largest**TURNS - least**TURNS
     turning = np.divide(at_largest - at_least, apart, out=np.zeros(at_largest.shape), where=apart > 0.02)
@@ -253,7 +253,7 @@ def _at_origin(cells: Reals, plane: Plane) -> Reals:
     return result
 
 
-def _transform(density: Reals, plane: Plane, gain: float) -> Array:
+def transform(density: Reals, plane: Plane, gain: float) -> Array:
     """Its FFT, with what B-splines and cells take from it raised again up to `gain` times."""
     v = np.fft.fftfreq(plane.fft_height)[:, None]
     u = np.fft.rfftfreq(plane.fft_width)[None, :]
@@ -262,7 +262,7 @@ def _transform(density: Reals, plane: Plane, gain: float) -> Array:
     return jax.device_put(np.complex64(scipy.fft.rfft2(density, workers=-1) / np.maximum(kept, 1 / gain)))
 
 
-def _profile(
+def profile_of(
     pixel_deg: float, core: Reals, core_deg: Reals, fine: Reals, fine_deg: Reals, reach_deg: float
 ) -> Callable[[Reals], Reals]:
     """Mean density of what is near, (o, …) at angles: each channel's of its own light."""
@@ -283,7 +283,7 @@ def _profile(
     return lambda deg: np.stack([np.interp(deg, at, of_channel, right=0.0) for of_channel in mean])
 
 
-def _taps(
+def taps_of(
     profile: Callable[[Reals], Reals], plane: Plane, level: int, stencil: Stencil, bounds: list[tuple[float, ...]]
 ) -> Reals:
     """(tap, power, o): what a pixel of a level scatters to one of each tap's, where pixels are that large."""

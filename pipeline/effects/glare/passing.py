@@ -38,12 +38,12 @@ def _prepare(part: Part, plane: Plane) -> Prepared:
     far = kernel.far_deg(plane)
     wider = max(1.0, far[1] / whole.VEIL_DEG[0])
     pixel_deg = plane.step_deg / plane.pool
-    fine, fine_deg = kernel._near_cells(part, pixel_deg / FINE_PER_PX, far, wider)
-    core, core_deg = kernel._core_cells(part, pixel_deg / CORE_PER_PX, far, wider)
-    profile = kernel._profile(pixel_deg, core, core_deg, fine, fine_deg, far[1])
+    fine, fine_deg = kernel.near_cells(part, pixel_deg / FINE_PER_PX, far, wider)
+    core, core_deg = kernel.core_cells(part, pixel_deg / CORE_PER_PX, far, wider)
+    profile = kernel.profile_of(pixel_deg, core, core_deg, fine, fine_deg, far[1])
     stencils = kernel.levels(plane)
     bounds = [tuple(pixel_deg * edge * kernel.THEN**k for edge in kernel.FIRST_PX) for k in range(len(stencils))]
-    taps = [kernel._taps(profile, plane, k, stencil, bounds) for k, stencil in enumerate(stencils)]
+    taps = [kernel.taps_of(profile, plane, k, stencil, bounds) for k, stencil in enumerate(stencils)]
     leaves = sum(
         len(around(tap)) * of_tap
         for stencil, of_level in zip(stencils, taps, strict=True)
@@ -75,7 +75,7 @@ def _far(part: Part, plane: Plane, wider: float) -> tuple[Array, Array]:
         offset = np.arange(-reach, reach + 1) * side_deg
         density = part.cells(1 / side_deg, reach, wider) / (plane.step * scale) ** 2
         ends.append(density * kernel.smooth_step(np.hypot(offset[:, None], offset), *kernel.far_deg(plane)))
-    high, turning = kernel._parted(ends[0], ends[1] * least**FALLS, np.ones(()), least)
+    high, turning = kernel.parted(ends[0], ends[1] * least**FALLS, np.ones(()), least)
     return transformed(high, plane), transformed(turning, plane)
 
 
@@ -97,4 +97,4 @@ def _raising(plane: Plane) -> NDArray[np.float32]:
     """What kernel.py multiplies the transform of a point with."""
     point = np.zeros((1, 1, plane.fft_height, plane.fft_width))
     point[..., 0, 0] = 1
-    return np.asarray(kernel._transform(point, plane, kernel.GAIN)).real.astype(np.float32)[0, 0]
+    return np.asarray(kernel.transform(point, plane, kernel.GAIN)).real.astype(np.float32)[0, 0]

@@ -11,7 +11,7 @@ import numpy as np
 from jaxtyping import Array, Float
 from numpy.typing import NDArray
 
-from entoptic.pipeline.effects.glare import apart, lights, spread, stamps
+from entoptic.pipeline.effects.glare import apart, lights, outside, spread, stamps
 from entoptic.pipeline.effects.glare.apart import Choice
 from entoptic.pipeline.effects.glare.around import Around, at_cells
 from entoptic.pipeline.effects.glare.kernel import Mixture, prepared
@@ -89,8 +89,8 @@ def glare(
         beyond,
         lights.on_plane(points, plane),
     )
-    if (outside := lights.from_outside(points, plane)) is not None:
-        low = low + outside.astype(np.float32)
+    if (far_away := outside.from_outside(points, plane)) is not None:
+        low = low + far_away.astype(np.float32)
     if around is not None:
         low = low + at_cells(around, view, plane.pool)
     result = spread.combined(light, without, low, mixed, beyond, view, plane.pool)
