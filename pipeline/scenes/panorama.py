@@ -45,8 +45,8 @@ SPOT_ROWS, SPOT_RATIO, SPOTS = 360, 10.0, 64
 """A panorama is looked through for spots in so many rows, half a degree each; one that is so many times brighter than
 its cell stands out, and at most so many do. Engineering choice."""
 CELL_ROWS = 20
-"""The rest of its light beyond a view is known in so many rows of cells, 9° each. Engineering choice: light further
-from the edge than a cell gives the view the same glare, within some percent."""
+"""The rest of its light beyond a view is known in so many rows of cells, 9° each. Engineering choice: a lamp
+3° and more beyond the edge veils the view within 6 % of the truth (test_around.py)."""
 
 
 class Pieces(NamedTuple):

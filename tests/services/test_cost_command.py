@@ -101,7 +101,7 @@ def test_the_quick_command_measures_every_group(tmp_path: Path, monkeypatch: pyt
     assert all(float(line["median_ms"]) > 0 and line["rounds"] == "1" for line in lines)
     errors = {line["setting"]: float(line["relative_l2"]) for line in lines}
     # Frames as small as these are hardly pooled at any level.
-    assert errors["full"] <= errors["eighth"]
+    assert errors["full"] <= errors["eighth"] < 0.25
     assert len(told) == glare.steps(glare.QUICK, 1)
     assert {path.name for path in out.iterdir()} - {LIST} == {
         *("cost-glare.csv", "cost-glare.md", "cost-glare-sun-over-dark.png", "sun-corner.csv", "sun-corner.png")

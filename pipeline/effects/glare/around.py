@@ -29,8 +29,7 @@ LEAST_RAD, ENTRIES = np.radians(0.1), 512
 PER_DEG, REACH = 12.0, 108
 """Samples of a function's coloured part, and how many to each side."""
 CLOSE_RAD, SMALL_RAD = np.radians(4.0), np.radians(1.5)
-"""Pieces nearer to the view's edge, and smaller, are looked up in places FINER times as dense. Engineering choice:
-further away glare changes by a third at most from tile to tile."""
+"""Pieces nearer to the view's edge, and smaller, are looked up in places FINER times as dense. Engineering choice."""
 FINER = 8
 AT_ONCE = {False: 256, True: 8}
 """Pieces of either kind come in so many, so that few numbers of them are compiled."""

@@ -32,8 +32,7 @@ CHOICES = {8: Choice(16, 512), 4: Choice(6, 1024), 2: Choice(6, 1024), 1: Choice
 
 
 MIRRORED = 0.25
-"""How far a frame is mirrored beyond its edges, as a share of its sides. Engineering choice: at 104° as far as half of
-the light that an edge pixel gets comes from; it more than doubles the time."""
+"""How far a frame is mirrored beyond its edges, as a share of its sides. Engineering choice: 2.25 times the pixels."""
 RESTING = Pose(4.0)
 DARKNESS = np.zeros(3)
 

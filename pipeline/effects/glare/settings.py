@@ -23,7 +23,10 @@ class Edge(DescribedEnum):
     """What stands beyond a frame's edges and scatters into it, where the scene does not say."""
 
     AVERAGE = "average", "Light everywhere as bright as the frame is on average, of its logarithm: no lamp counts much."
-    MIRRORED = "mirrored", "The frame's mirror image, a quarter of its size, and the average beyond: twice as slow."
+    MIRRORED = (
+        "mirrored",
+        "The frame's mirror image, a quarter of its size, and the average beyond: 2.25 times as many pixels.",
+    )
     DARK = "dark", "Nothing, as around a display in a dark room."
 
 
