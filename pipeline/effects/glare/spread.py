@@ -94,12 +94,20 @@ def arrives(
     """What the plane brings to each of a frame's cells, in cd/m² more than `beyond`.
 
     Far light of all `cells`; near light of the `rest` where cells are pixels, else the levels have it. `further` is the
-    plane's own light from elsewhere, as `scattered_on_plane` gives it.
+    plane's own light from elsewhere, not yet weighed by c^−FALLS where it lands. Its steps are
+    compiled apart: fused, XLA works out the plane anew for each of the nine cells that a B-spline reads.
     """
-    size = plane.height, plane.width, plane.fft_height, plane.fft_width
-    spectra = [(part.high, part.turning, part.near) for part in parts]
-    low = _arrives(cells, rest, plane.tables, _cosines(plane), spectra, weights, further, size, plane.pool)
-    return _positive(low, beyond)
+    cosines, size = _cosines(plane), (plane.height, plane.width)
+    high, turning, near = _mixed_spectra([(part.high, part.turning, part.near) for part in parts], weights)
+    straight, turned, close = _to_plane(
+        cells, None if near is None else rest, plane.tables, cosines, plane.pool, size[0]
+    )
+    fft = plane.fft_height, plane.fft_width
+    direct = _convolved(
+        [straight] if close is None else [straight, close], [high] if near is None else [high, near], fft
+    )
+    low = _weighed(direct, _convolved([turned], [turning], fft), further, cosines, size)
+    return _positive(_read_off(low, plane.tables), beyond)
 
 
 @functools.lru_cache(maxsize=8)
@@ -107,56 +115,57 @@ def _cosines(plane: Plane) -> Float[Array, "v u"]:
     return jax.device_put(np.float32(plane.cosines))
 
 
-Size = tuple[int, int, int, int]
+Spectra = tuple[Array, Array, Array | None]
 
 
-@functools.partial(jax.jit, static_argnames=("size", "pool"))
-def _arrives(
+def _mixed_spectra(parts: Sequence[Spectra], weights: NDArray[np.float32]) -> Spectra:
+    return parts[0] if len(parts) == 1 else _blended_spectra(parts, weights)
+
+
+@jax.jit
+def _blended_spectra(parts: Sequence[Spectra], weights: Float[Array, "part"]) -> Spectra:
+    high, turning, near = zip(*parts, strict=True)
+    return blended(high, weights), blended(turning, weights), None if near[0] is None else blended(near, weights)
+
+
+@functools.partial(jax.jit, static_argnames=("pool", "height"))
+def _to_plane(
     cells: Float[Array, "3 row column"],
-    rest: Float[Array, "3 row column"],
+    rest: Float[Array, "3 row column"] | None,
     tables: Tables,
     cosines: Float[Array, "v u"],
-    spectra: Sequence[tuple[Array, Array, Array]],
-    weights: Float[Array, "part"],
-    further: Float[Array, "3 v u"] | None,
-    size: Size,
     pool: int,
-) -> Float[Array, "3 row column"]:
-    both = cells if spectra[0][2] is None else jnp.concatenate([cells, rest])
+    height: int,
+) -> tuple[Float[Array, "3 v u"], Float[Array, "3 v u"], Float[Array, "3 v u"] | None]:
+    """Light weighed for both terms of the far function, and the rest's for the near one."""
+    both = cells if rest is None else jnp.concatenate([cells, rest])
     flux = both * (tables.solid_angle * np.float32(pool * pool))
-    falling = cosines ** np.float32(-FALLS)
-    on_plane = gathered(flux, tables, size[0]) * falling
-    high, turning = (blended([part[k] for part in spectra], weights) for k in range(2))
-    near = None if spectra[0][2] is None else blended([part[2] for part in spectra], weights)
-    result = scattered_on_plane(on_plane[:3], cosines, high, turning, size, on_plane[3:], near)
-    if further is not None:
-        result = result + further
-    return read_off(result * falling, tables)
+    light = gathered(flux, tables, height) * cosines ** np.float32(-FALLS)
+    return light[:3], light[:3] * cosines ** np.float32(TURNS), None if rest is None else light[3:]
 
 
-def scattered_on_plane(
-    light: Float[Array, "i v u"],
+@functools.partial(jax.jit, static_argnames="fft")
+def _convolved(
+    light: Sequence[Float[Array, "i v u"]], spectra: Sequence[Array], fft: tuple[int, int]
+) -> Float[Array, "o fft_v fft_u"]:
+    sums = [through(spectrum, jnp.fft.rfft2(each, s=fft)) for each, spectrum in zip(light, spectra, strict=True)]
+    return jnp.fft.irfft2(functools.reduce(jnp.add, sums), s=fft)
+
+
+@functools.partial(jax.jit, static_argnames="size")
+def _weighed(
+    direct: Float[Array, "o fft_v fft_u"],
+    turning: Float[Array, "o fft_v fft_u"],
+    further: Float[Array, "3 v u"] | None,
     cosines: Float[Array, "v u"],
-    high: Array,
-    turning: Array,
-    size: Size,
-    rest: Float[Array, "i v u"],
-    near: Array | None,
+    size: tuple[int, int],
 ) -> Float[Array, "o v u"]:
-    """Light on the plane scattered far, and what of the `rest` is near; not yet weighed by c^−FALLS where it lands."""
-    height, width, *fft = size
-    turned = cosines ** np.float32(TURNS)
+    direct, turning = (image[:, : size[0], : size[1]] for image in (direct, turning))
+    both = direct + turning * cosines ** np.float32(TURNS)
+    return (both if further is None else both + further) * cosines ** np.float32(-FALLS)
 
-    def there(image: Array) -> Array:
-        return jnp.fft.rfft2(image, s=fft)
 
-    def back(image: Array) -> Array:
-        return jnp.fft.irfft2(image, s=fft)[:, :height, :width]
-
-    direct = through(high, there(light))
-    if near is not None:
-        direct = direct + through(near, there(rest))
-    return jnp.asarray(back(direct) + turned * back(through(turning, there(light * turned))))
+_read_off = jax.jit(read_off)
 
 
 @jax.jit
